@@ -42,7 +42,7 @@ from ual_daemon.program.configuration import DaemonSettings
 IDLE, FLYING = "idle", "flying"
 
 
-class Case(NamedTuple):
+class FleetCase(NamedTuple):
     """One fleet: what it does, how many UAVs, and the processes (`--workers`)."""
 
     what: str
@@ -56,10 +56,10 @@ class Case(NamedTuple):
 
 
 CASES = (
-    *(Case(IDLE, count) for count in (1, 10, 100, 1000)),
-    Case(IDLE, 4000, "auto"),
-    *(Case(FLYING, count) for count in (1, 10, 100, 200)),
-    Case(FLYING, 500, "auto"),
+    *(FleetCase(IDLE, count) for count in (1, 10, 100, 1000)),
+    FleetCase(IDLE, 4000, "auto"),
+    *(FleetCase(FLYING, count) for count in (1, 10, 100, 200)),
+    FleetCase(FLYING, 500, "auto"),
 )
 RATE_HZ = 10.0
 LEAST_REAL_TIME = 0.99
@@ -75,10 +75,10 @@ _MOST_BYTES = 4 << 30
 
 
 @dataclass(frozen=True)
-class Found:
+class FleetResults:
     """The results of one fleet."""
 
-    case: Case
+    case: FleetCase
     workers_count: int
     share: float
     """The daemon's processor time, in seconds per second."""
@@ -101,7 +101,7 @@ class Found:
 class FleetDaemon(Process):
     """``ual-daemon --fleet N`` on unix sockets."""
 
-    def __init__(self, case: Case) -> None:
+    def __init__(self, case: FleetCase) -> None:
         self._directory = tempfile.TemporaryDirectory(prefix="ual-fleet-")
         self.count = case.uavs
         self._log = Path(self._directory.name, "log").open("wb")  # noqa: SIM115  closed in close
@@ -209,7 +209,7 @@ async def _lags(stub: Stub, duration_s: float) -> tuple[float, float]:
     return (stamp_s - first_s) / (now_s - begin_s), max(found) - min(found)
 
 
-async def measure(case: Case, daemon: FleetDaemon, readers: Child, duration_s: float) -> Found:
+async def measure(case: FleetCase, daemon: FleetDaemon, readers: Child, duration_s: float) -> FleetResults:
     parts = case.parts()
     await with_each(daemon, lambda stub: _until(stub, pb.STATE_LANDED_ARMED))
     if case.what == FLYING:
@@ -225,12 +225,12 @@ async def measure(case: Case, daemon: FleetDaemon, readers: Child, duration_s: f
     if case.what == FLYING:
         await with_each(daemon, lambda stub: _until(stub, pb.STATE_FLYING_AUTO))  # all still fly
     real_time, lag_s = min(each[0] for each in found), max(each[1] for each in found)
-    return Found(
+    return FleetResults(
         case, len(parts), share, real_time, lag_s, daemon.resident_mib(), daemon.updates_hz(), os.getloadavg()[0], rates
     )
 
 
-def verdicts(found: Sequence[Found]) -> Iterator[tuple[str, float, str, bool]]:
+def verdicts(found: Sequence[FleetResults]) -> Iterator[tuple[str, float, str, bool]]:
     """Returns the targets of the largest fleets: name, figure, limit as text, and whether it is met."""
     largest = {(each.case.what, each.case.workers): each for each in found if each.case.uavs >= 200}
     for most in largest.values():
@@ -266,7 +266,7 @@ def main() -> None:
         "--case", nargs=3, action="append", metavar=("idle|flying", "N", "WORKERS"), help="measure this fleet only"
     )
     arguments = parser.parse_args()
-    cases = [Case(what, int(count), workers) for what, count, workers in arguments.case or ()] or CASES
+    cases = [FleetCase(what, int(count), workers) for what, count, workers in arguments.case or ()] or CASES
     _limit_memory()
     print(f"{len(os.sched_getaffinity(0))} processors; priority: {_prefer() if arguments.priority else 'none'}\n")
     print(

@@ -23,7 +23,7 @@ _MOST_PERCENT = 1.0
 _READ_S = 1.0
 
 
-class Reader:
+class MetricsReader:
     """Reads the metrics of whatever daemon runs, once a second, as Prometheus would."""
 
     def __init__(self, address: str) -> None:
@@ -48,9 +48,9 @@ class Reader:
 
 
 @contextmanager
-def reading(address: str) -> Iterator[Reader]:
+def reading(address: str) -> Iterator[MetricsReader]:
     """Reads while the block runs."""
-    reader = Reader(address)
+    reader = MetricsReader(address)
     thread = threading.Thread(target=reader.run, daemon=True)
     thread.start()
     yield reader

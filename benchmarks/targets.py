@@ -24,7 +24,7 @@ _MANY = 100
 
 
 @dataclass(frozen=True)
-class Line:
+class TargetLine:
     """One target. `found` is None if it was not measured; `why` then says what was missing."""
 
     what: str
@@ -45,7 +45,7 @@ class Line:
         return "PASS" if is_met else "FAIL"
 
 
-def lines(results: Results) -> Iterator[Line]:
+def lines(results: Results) -> Iterator[TargetLine]:
     """Yields all lines of the table."""
     yield from _of_setpoints(results, "", CLASS, STREAM, UNARY)
     yield from _of_setpoints(results, ", in a fence", CLASS_FENCE, STREAM_FENCE, UNARY_FENCE)
@@ -65,7 +65,7 @@ def lines(results: Results) -> Iterator[Line]:
     yield _most(results, "import_ms", "ual --help", 250.0, "ms", "ual --help".__eq__)
 
 
-def _of_setpoints(results: Results, where: str, in_process: Way, stream: Way, unary: Way) -> Iterator[Line]:
+def _of_setpoints(results: Results, where: str, in_process: Way, stream: Way, unary: Way) -> Iterator[TargetLine]:
     """Yields the lines of setpoints, and of the processor at 50 Hz, for the ways without a fence or with one."""
     for name, statistic in (("p50", p50), ("p99", p99)):
         yield _ratio(results, "setpoint_ms", in_process, NATIVE, statistic, f"class interface{where}, {name}", 1.2)
@@ -88,24 +88,28 @@ def _ratio(
     limit: float,
     *,
     is_least: bool = False,
-) -> Line:
+) -> TargetLine:
     unit = f"of {to.name}"
     for each in (way, to):
         if not results.has(measure, each.name):
             why = f"{each.name} is not installed" if each.is_missing else f"{each.name} gave no values"
-            return Line(what, limit, None, unit, is_least, why)
+            return TargetLine(what, limit, None, unit, is_least, why)
     floor = FLOORS.get(way)
     floor_ratio = (
         results.ratio(measure, floor.name, to.name, statistic)
         if floor is not None and results.has(measure, floor.name, to.name)
         else None
     )
-    return Line(what, limit, results.ratio(measure, way.name, to.name, statistic), unit, is_least, floor=floor_ratio)
+    return TargetLine(
+        what, limit, results.ratio(measure, way.name, to.name, statistic), unit, is_least, floor=floor_ratio
+    )
 
 
-def _most(results: Results, measure: str, what: str, limit: float, unit: str, is_meant: Callable[[str], bool]) -> Line:
+def _most(
+    results: Results, measure: str, what: str, limit: float, unit: str, is_meant: Callable[[str], bool]
+) -> TargetLine:
     """Returns the line for the worst of the chosen ways."""
     spreads = [results.spread(measure, way) for way in results.values.get(measure, {}) if is_meant(way)]
     if not spreads:
-        return Line(what, limit, None, unit, why="it was left out")
-    return Line(what, limit, max(spreads, key=lambda spread: spread.median), unit)
+        return TargetLine(what, limit, None, unit, why="it was left out")
+    return TargetLine(what, limit, max(spreads, key=lambda spread: spread.median), unit)

@@ -60,7 +60,7 @@ OWN_FENCE = {"GF_MAX_HOR_DIST": 100.0, "GF_MAX_VER_DIST": 50.0}
 """Parameters that differ with a fence."""
 
 
-class Vehicle:
+class MinimalVehicle:
     """The vehicle; `run` serves it until stdin ends."""
 
     def __init__(self) -> None:
@@ -298,4 +298,4 @@ def frames(trace: str) -> list[tuple[float, bytes]]:
 
 
 if __name__ == "__main__":
-    Vehicle().run()
+    MinimalVehicle().run()

@@ -70,7 +70,7 @@ Server = UalDaemon | MavsdkServer | BareServer
 
 
 @dataclass
-class Flight:
+class WayFlight:
     """One way with its processes."""
 
     way: Way
@@ -106,7 +106,7 @@ def server_of(way: Way, port: int) -> Iterator[Server | None]:
 
 
 @contextmanager
-def flown(vehicle: Child, way: Way) -> Iterator[Flight]:
+def flown(vehicle: Child, way: Way) -> Iterator[WayFlight]:
     """Provides the vehicle, its server and client, once all are connected and a setpoint was sent."""
     port = free_port(socket.SOCK_DGRAM)
     vehicle.ask("fly", port=port, has_fence=way.has_fence)
@@ -116,6 +116,6 @@ def flown(vehicle: Child, way: Way) -> Iterator[Flight]:
         client = stack.enter_context(Child("benchmarks.peers", way.peer, "--port", str(port), "--address", address))
         client.ask("connect")
         try:
-            yield Flight(way, port, client, server)
+            yield WayFlight(way, port, client, server)
         finally:
             vehicle.ask("rest")

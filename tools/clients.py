@@ -24,7 +24,7 @@ CLIENT = ROOT / "clients" / "python" / "ual"
 INTERFACE = CLIENT / "interface.py"
 
 
-class _Way(NamedTuple):
+class _CallForms(NamedTuple):
     """Calls of one kind: how a client sends them, and how a team passes them to its UAVs."""
 
     send: str
@@ -32,13 +32,13 @@ class _Way(NamedTuple):
 
 
 _WAYS = {
-    Kind.QUESTION: _Way("_connection.run", "ask"),
-    Kind.CHANGE: _Way("_connection.run", "each"),
-    Kind.COMMAND: _Way("_command", "each"),
-    Kind.STOP: _Way("_command", "ask"),
-    Kind.SETPOINT: _Way("_setpoints.send", "ask"),
-    Kind.EXTERNAL_POSE: _Way("_external_poses.send"),
-    Kind.SIMULATION: _Way("_connection.run"),
+    Kind.QUESTION: _CallForms("_connection.run", "ask"),
+    Kind.CHANGE: _CallForms("_connection.run", "each"),
+    Kind.COMMAND: _CallForms("_command", "each"),
+    Kind.STOP: _CallForms("_command", "ask"),
+    Kind.SETPOINT: _CallForms("_setpoints.send", "ask"),
+    Kind.EXTERNAL_POSE: _CallForms("_external_poses.send"),
+    Kind.SIMULATION: _CallForms("_connection.run"),
 }
 _OF_UAV_BY_HAND = {"wait_for": "ask"}
 """Members that each client has of its own, and how a team gives them to its UAVs."""

@@ -16,7 +16,7 @@ _DEEPER = {"ual_daemon/backends", "clients/python"}
 """Folders that are shown room by room."""
 
 
-class Room(NamedTuple):
+class CoveredRoom(NamedTuple):
     """The statements of a room, and how many of them are reached."""
 
     statements_count: int
@@ -34,14 +34,14 @@ def room_of(file: str) -> str:
     return "/".join(folders[: 3 if "/".join(folders[:2]) in _DEEPER else 2])
 
 
-def rooms(files: dict[str, Any]) -> dict[str, Room]:
+def rooms(files: dict[str, Any]) -> dict[str, CoveredRoom]:
     """Sums up the files of coverage's report by their rooms, the least reached first."""
     counts: dict[str, list[int]] = defaultdict(lambda: [0, 0])
     for name, file in files.items():
         total = counts[room_of(name)]
         total[0] += file["summary"]["num_statements"]
         total[1] += file["summary"]["covered_lines"]
-    found = {name: Room(*total) for name, total in counts.items()}
+    found = {name: CoveredRoom(*total) for name, total in counts.items()}
     return dict(sorted(found.items(), key=lambda each: each[1].percent))
 
 
@@ -71,7 +71,7 @@ def main(words: Sequence[str]) -> None:
         print("\n".join(missing(files)))
         return
     found = rooms(files)
-    total = Room(*(sum(column) for column in zip(*found.values(), strict=True)))
+    total = CoveredRoom(*(sum(column) for column in zip(*found.values(), strict=True)))
     for name, room in {**found, "all": total}.items():
         print(f"{name:<36} {room.percent:6.1f} %  {room.statements_count - room.reached_count:6d} not reached")
 

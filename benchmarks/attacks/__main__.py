@@ -10,8 +10,8 @@ import sys
 import time
 
 from benchmarks.attacks.assaults import Assault, assaults
-from benchmarks.attacks.figures import Figures
-from benchmarks.attacks.scenes import SCENES, Scene
+from benchmarks.attacks.figures import AttackFigures
+from benchmarks.attacks.scenes import SCENES, AttackScene
 from benchmarks.attacks.table import Row, markdown, text
 from benchmarks.children import prefer_this
 
@@ -44,7 +44,7 @@ def main() -> int:
     return int(not all(row.is_good for its in rows.values() for row in its))
 
 
-def _attack(kind: type[Scene], assault: Assault, duration_s: float) -> Figures:
+def _attack(kind: type[AttackScene], assault: Assault, duration_s: float) -> AttackFigures:
     with kind() as scene:
         assault.begin(scene)
         try:
@@ -68,7 +68,7 @@ def _attack(kind: type[Scene], assault: Assault, duration_s: float) -> Figures:
     return found
 
 
-def _rows(kind: type[Scene], chosen: list[Assault], found: dict[tuple[str, str], Figures]) -> list[Row]:
+def _rows(kind: type[AttackScene], chosen: list[Assault], found: dict[tuple[str, str], AttackFigures]) -> list[Row]:
     hold_s = found[kind.name, "none"].end_s or 0.0
     rows = []
     for assault in chosen:

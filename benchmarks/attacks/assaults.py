@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing_extensions import override
 
 from benchmarks.attacks import calls, connections
-from benchmarks.attacks.scenes import MavlinkScene, Scene
+from benchmarks.attacks.scenes import AttackScene, MavlinkScene
 from benchmarks.children import REPOSITORY
 
 _END_S = 30.0
@@ -24,16 +24,16 @@ class Assault(ABC):
     unit = "calls"
     text = ""
 
-    def suits(self, scene: type[Scene]) -> bool:
+    def suits(self, scene: type[AttackScene]) -> bool:
         """Returns whether it can be made there."""
         return True
 
     @abstractmethod
-    def begin(self, scene: Scene) -> None:
+    def begin(self, scene: AttackScene) -> None:
         """Begins it."""
 
     @abstractmethod
-    def end(self, scene: Scene) -> float:
+    def end(self, scene: AttackScene) -> float:
         """Ends it. Returns how often it did what it does."""
 
 
@@ -44,15 +44,15 @@ class Nothing(Assault):
     name: str = "none"
 
     @override
-    def begin(self, scene: Scene) -> None:
+    def begin(self, scene: AttackScene) -> None:
         return
 
     @override
-    def end(self, scene: Scene) -> float:
+    def end(self, scene: AttackScene) -> float:
         return 0.0
 
 
-class _Program(Assault):
+class _ProgramAssault(Assault):
     """An attack by a program that ends with its standard input, and then prints a number."""
 
     def _start(self, *arguments: str) -> None:
@@ -66,7 +66,7 @@ class _Program(Assault):
         )
 
     @override
-    def end(self, scene: Scene) -> float:
+    def end(self, scene: AttackScene) -> float:
         try:
             answer, _ = self._process.communicate(timeout=_END_S)
             return float(json.loads(answer or "0"))
@@ -76,7 +76,7 @@ class _Program(Assault):
             return 0.0
 
 
-class Calls(_Program):
+class CallAttack(_ProgramAssault):
     """Calls through gRPC's client, at most so many a second."""
 
     def __init__(self, name: str, rate_hz: float) -> None:
@@ -85,15 +85,15 @@ class Calls(_Program):
         self.text = (calls.ATTACKS[name][0].__doc__ or "").strip()
 
     @override
-    def suits(self, scene: type[Scene]) -> bool:
+    def suits(self, scene: type[AttackScene]) -> bool:
         return not scene.is_plain
 
     @override
-    def begin(self, scene: Scene) -> None:
+    def begin(self, scene: AttackScene) -> None:
         self._start("benchmarks.attacks.calls", self.name, scene.address, "--rate", str(self._rate_hz))
 
 
-class Connections(_Program):
+class ConnectionAttack(_ProgramAssault):
     """Connections and frames by plain sockets, as fast as they go."""
 
     unit = "acts"
@@ -103,11 +103,11 @@ class Connections(_Program):
         self.text = (connections.ATTACKS[name].__doc__ or "").strip()
 
     @override
-    def begin(self, scene: Scene) -> None:
+    def begin(self, scene: AttackScene) -> None:
         self._start("benchmarks.attacks.connections", self.name, "127.0.0.1", str(scene.port))
 
 
-class Garbage(_Program):
+class Garbage(_ProgramAssault):
     """Garbage on the MAVLink port, from another host's address or from the autopilot's own."""
 
     unit = "MB"
@@ -117,11 +117,11 @@ class Garbage(_Program):
         self.name = f"{kind} {rate:g} MB/s, {'own' if is_own else 'stranger'}"
 
     @override
-    def suits(self, scene: type[Scene]) -> bool:
+    def suits(self, scene: type[AttackScene]) -> bool:
         return scene is MavlinkScene
 
     @override
-    def begin(self, scene: Scene) -> None:
+    def begin(self, scene: AttackScene) -> None:
         assert isinstance(scene, MavlinkScene)
         if self._is_own:
             scene.autopilot.ask("garbage", kind=self._kind, port=scene.link_port, rate=self._rate)
@@ -129,7 +129,7 @@ class Garbage(_Program):
             self._start("benchmarks.attacks.garbage", self._kind, str(scene.link_port), "--rate", str(self._rate))
 
     @override
-    def end(self, scene: Scene) -> float:
+    def end(self, scene: AttackScene) -> float:
         count = float(scene.autopilot.ask("garbage_end")["count"]) if self._is_own else super().end(scene)
         return count / 1e6
 
@@ -147,7 +147,7 @@ def assaults() -> list[Assault]:
     """Returns all attacks."""
     return [
         Nothing(),
-        *(Calls(name, _RATES_HZ.get(name, _RATE_HZ)) for name in calls.ATTACKS),
+        *(CallAttack(name, _RATES_HZ.get(name, _RATE_HZ)) for name in calls.ATTACKS),
         *(Garbage(kind, rate, is_own=is_own) for is_own in (False, True) for kind, rate in _GARBAGE),
-        *(Connections(name) for name in connections.ATTACKS),
+        *(ConnectionAttack(name) for name in connections.ATTACKS),
     ]

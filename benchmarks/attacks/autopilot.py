@@ -30,7 +30,7 @@ NUMBER = struct.Struct("<d")
 """The yaw rate of a setpoint, in a datagram to the sink."""
 
 
-class Setpoints:
+class ReceivedSetpoints:
     """The setpoints that came: number (see `marks`) and time."""
 
     def __init__(self) -> None:
@@ -51,7 +51,7 @@ class Setpoints:
 class NotingPort(Port):
     """The autopilot's UDP port, which sends to one other port of this computer."""
 
-    def __init__(self, remote_port: int, setpoints: Setpoints) -> None:
+    def __init__(self, remote_port: int, setpoints: ReceivedSetpoints) -> None:
         self.socket = recorder.socket_with_times()
         self._remote = ("127.0.0.1", remote_port)
         self._setpoints = setpoints
@@ -82,11 +82,11 @@ class NotingPort(Port):
         return address
 
 
-class Autopilot:
+class AttackedAutopilot:
     """The program's tasks."""
 
     def __init__(self) -> None:
-        self._setpoints = Setpoints()
+        self._setpoints = ReceivedSetpoints()
         self._port: NotingPort | None = None
         self._garbage: subprocess.Popen[str] | None = None
 
@@ -140,4 +140,4 @@ class Autopilot:
 
 if __name__ == "__main__":
     sys.setswitchinterval(0.001)
-    serve(Autopilot().handle)
+    serve(AttackedAutopilot().handle)

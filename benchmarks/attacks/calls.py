@@ -1,6 +1,7 @@
 """Attacks by calls, through gRPC's own client: ``python -m benchmarks.attacks.calls NAME HOST:PORT --rate 1000``.
 
-Each attack is a function of a `Target`; many threads call it again and again. What a call is answered does not matter.
+Each attack is a function of a `AttackTarget`; many threads call it again and again. What a call is answered does not
+matter.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ _NAMES = tuple(method.name for method in pb.DESCRIPTOR.services_by_name["UalServ
 """Without the one that lands the UAV, as whoever reaches the port may: an empty request is a valid one."""
 
 
-class Target:
+class AttackTarget:
     """The daemon, and what an attack needs to call it. One for each thread."""
 
     def __init__(self, address: str, seed: int) -> None:
@@ -74,12 +75,12 @@ def _path(corners_count: int) -> bytes:
 _LONG_PATH = _path(_CORNERS)
 
 
-def dry_run_paths(target: Target) -> None:
+def dry_run_paths(target: AttackTarget) -> None:
     """Asks what a path of 10,000 corners would be."""
     target.call("FollowPath", _LONG_PATH)
 
 
-def frame_chain(target: Target) -> None:
+def frame_chain(target: AttackTarget) -> None:
     """Makes a chain of frames as long as it may be, and asks again and again for positions at its end."""
     names = [f"attack_{target.seed}_{level}" for level in range(_LEVELS)]
     for parent, child in itertools.pairwise(["map", *names]):
@@ -94,32 +95,32 @@ def frame_chain(target: Target) -> None:
     target.call("GoToWaypoint", end.SerializeToString())
 
 
-def unary_flood(target: Target) -> None:
+def unary_flood(target: AttackTarget) -> None:
     """Reads the telemetry, by a call each time."""
     target.call("GetTelemetry", b"")
 
 
-def refused_flood(target: Target) -> None:
+def refused_flood(target: AttackTarget) -> None:
     """Commands what is refused, and logged, in other words each time."""
     request = pb.TakeOffRequest(height_m=-target.random.random(), non_blocking=True)
     target.call("TakeOff", request.SerializeToString())
 
 
-def stream_flood(target: Target) -> None:
+def stream_flood(target: AttackTarget) -> None:
     """Subscribes to every sample, and stays; beyond the limit on streams it is refused."""
     stream = target.channel.unary_stream(_full("StreamTelemetry"), _same, _same)(b"", timeout=_LIMIT_S)
     target.open = [*target.open[-20:], stream]
     next(stream)
 
 
-def stream_churn(target: Target) -> None:
+def stream_churn(target: AttackTarget) -> None:
     """Subscribes, and leaves after the first sample."""
     stream = target.channel.unary_stream(_full("StreamTelemetry"), _same, _same)(b"", timeout=_LIMIT_S)
     next(stream)
     stream.cancel()
 
 
-def task_flood(target: Target) -> None:
+def task_flood(target: AttackTarget) -> None:
     """Commands one go-to after the other, each of which replaces the one before, and watches it."""
     request = pb.GoToWaypointRequest(non_blocking=True)
     request.waypoint.pose.position.x, request.waypoint.pose.position.z = target.random.uniform(-5.0, 5.0), 5.0
@@ -128,7 +129,7 @@ def task_flood(target: Target) -> None:
     next(watch(pb.WatchTaskRequest(task_id=task.id).SerializeToString(), timeout=_LIMIT_S))
 
 
-def no_request(target: Target) -> None:
+def no_request(target: AttackTarget) -> None:
     """Begins a call and does not send its request, as a broken client does; many are left open."""
 
     def silence() -> Iterator[bytes]:
@@ -139,26 +140,26 @@ def no_request(target: Target) -> None:
     target.open = [*target.open[-50:], call.future(silence(), timeout=2.0)]
 
 
-def oversized(target: Target) -> None:
+def oversized(target: AttackTarget) -> None:
     """Sends a message that is larger than the limit."""
     target.call("FollowPath", bytes(_MOST_BYTES + 1))
 
 
-def large(target: Target) -> None:
+def large(target: AttackTarget) -> None:
     """Sends the largest message that is taken: names of frames of 4 MiB in all."""
     request = pb.AddFrameRequest()
     request.transform.child_frame_id = "x" * (_MOST_BYTES - 100)
     target.call("AddFrame", request.SerializeToString())
 
 
-def fuzzed(target: Target) -> None:
+def fuzzed(target: AttackTarget) -> None:
     """Sends random bytes to any method, with wild metadata."""
     metadata = [("ual-ns", "uav_1"), (f"x-{target.random.randrange(1000)}", "y" * target.random.randrange(2000))]
     name = target.random.choice((*_NAMES, "NoSuchMethod"))
     target.call(name, target.random.randbytes(target.random.randrange(200)), metadata)
 
 
-ATTACKS: dict[str, tuple[Callable[[Target], None], int]] = {
+ATTACKS: dict[str, tuple[Callable[[AttackTarget], None], int]] = {
     dry_run_paths.__name__: (dry_run_paths, 30),
     frame_chain.__name__: (frame_chain, 6),
     unary_flood.__name__: (unary_flood, 8),
@@ -192,7 +193,7 @@ def main() -> None:
     counts = [0] * threads_count
 
     def work(number: int) -> None:
-        target = Target(arguments.address, number)
+        target = AttackTarget(arguments.address, number)
         while not stop.is_set():
             pace.wait()
             _try(lambda: attack(target))

@@ -25,7 +25,7 @@ _LIMIT_S = 60.0
 _NORTH = Vector3(0.0, 1.0, 0.0)
 
 
-class Client:
+class ClientTasks:
     """The tasks. Times are of the monotonic clock, in ns."""
 
     def __init__(self, address: str, *, is_plain: bool) -> None:
@@ -104,7 +104,7 @@ def main() -> None:
     parser.add_argument("address")
     parser.add_argument("--plain", action="store_true")
     arguments = parser.parse_args()
-    serve(Client(arguments.address, is_plain=arguments.plain).handle)
+    serve(ClientTasks(arguments.address, is_plain=arguments.plain).handle)
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from contextlib import contextmanager, suppress
 from typing import Protocol, TypeAlias, TypeVar
 
 from benchmarks.attacks import http2
-from benchmarks.attacks.http2 import Peer, frame
+from benchmarks.attacks.http2 import Http2Peer, frame
 
 
 class _Connection(Protocol):
@@ -139,7 +139,7 @@ def half_open(host: str, port: int, stop: threading.Event) -> int:
 
 def idle(host: str, port: int, stop: threading.Event) -> int:
     """Holds many connections that make no call and answer pings; those that are ended it opens again. Counts them."""
-    return _hold(lambda: Peer(host, port), Peer.answer, Peer.close, stop)
+    return _hold(lambda: Http2Peer(host, port), Http2Peer.answer, Http2Peer.close, stop)
 
 
 def unsent_requests(host: str, port: int, stop: threading.Event) -> int:
@@ -147,12 +147,12 @@ def unsent_requests(host: str, port: int, stop: threading.Event) -> int:
     headers = http2.request(_METHOD)
     opened = b"".join(frame(http2.HEADERS, http2.END_HEADERS, 2 * number + 1, headers) for number in range(_BATCH))
 
-    def connect() -> Peer:
-        peer = Peer(host, port)
+    def connect() -> Http2Peer:
+        peer = Http2Peer(host, port)
         peer.is_open = peer.is_open and peer.send(opened)
         return peer
 
-    return _hold(connect, Peer.answer, Peer.close, stop)
+    return _hold(connect, Http2Peer.answer, Http2Peer.close, stop)
 
 
 ATTACKS: dict[str, Attack] = {
@@ -181,10 +181,10 @@ def _batches(streams: list[int]) -> Iterator[list[int]]:
 
 
 @contextmanager
-def _peer(host: str, port: int) -> Iterator[Peer | None]:
+def _peer(host: str, port: int) -> Iterator[Http2Peer | None]:
     """A connection until the block ends; None where none can be had."""
     try:
-        peer = Peer(host, port)
+        peer = Http2Peer(host, port)
     except OSError:
         time.sleep(_PAUSE_S)
         yield None

@@ -25,7 +25,7 @@ class Lateness:
 
 
 @dataclass(frozen=True)
-class Figures:
+class AttackFigures:
     """Of one attack on one server. `end_s` is the time from SIGTERM until the exit; None where nothing was signalled.
 
     `setpoints` is how late each setpoint reached the autopilot, after the one before. `calls` is how late each setpoint

@@ -57,7 +57,7 @@ def reset(connection: socket.socket) -> None:
     connection.close()
 
 
-class Peer:
+class Http2Peer:
     """One connection that has begun to speak HTTP/2. It throws away what it receives, but answers pings."""
 
     def __init__(self, host: str, port: int, limit_s: float = CONNECT_S) -> None:

@@ -18,7 +18,7 @@ from types import TracebackType
 from typing_extensions import Self, override
 
 from benchmarks.attacks import figures
-from benchmarks.attacks.figures import Figures
+from benchmarks.attacks.figures import AttackFigures
 from benchmarks.children import Child, Process, free_port
 from benchmarks.servers import udp_url, wait_for_port
 
@@ -27,7 +27,7 @@ _END_LIMIT_S = 40.0
 _DEFECT = re.compile(r"Traceback|\bdefect\b|failed unexpectedly")
 
 
-class Scene(ABC):
+class AttackScene(ABC):
     """One server with its UAV, for the time of the block. The processes around it are preferred by the system.
 
     In reality they run on other computers: their lateness would be none of the server's.
@@ -76,12 +76,12 @@ class Scene(ABC):
             child.ask(task)
         self._began_ns = time.monotonic_ns()
 
-    def measure(self, count: float = 0.0) -> Measured:
+    def measure(self, count: float = 0.0) -> AttackMeasurement:
         """Returns what was measured since `begin`."""
         ended_ns = time.monotonic_ns()
         came = [(number, came_ns) for number, came_ns in self.autopilot.ask("setpoints")["came"]]
         flown, read = self._pilot.ask("take"), self._reader.ask("take")
-        return Measured(
+        return AttackMeasurement(
             figures.of_stream([came_ns for _, came_ns in came], self._began_ns, ended_ns),
             figures.of_calls([(number, due_ns) for number, due_ns in flown["due"]], came),
             figures.gap_ms(read["samples"], self._began_ns, ended_ns),
@@ -115,8 +115,8 @@ class Scene(ABC):
 
 
 @dataclass(frozen=True)
-class Measured:
-    """See `Figures`; and what the flying program was answered."""
+class AttackMeasurement:
+    """See `AttackFigures`; and what the flying program was answered."""
 
     setpoints: figures.Lateness
     calls: figures.Lateness
@@ -124,11 +124,11 @@ class Measured:
     duration_s: float
     errors: dict[str, int] = field(default_factory=dict)
 
-    def figures(self, end_s: float | None, acts_count: float, defects: tuple[str, ...]) -> Figures:
-        return Figures(self.setpoints, self.calls, self.gap_ms, end_s, acts_count, defects)
+    def figures(self, end_s: float | None, acts_count: float, defects: tuple[str, ...]) -> AttackFigures:
+        return AttackFigures(self.setpoints, self.calls, self.gap_ms, end_s, acts_count, defects)
 
 
-class LightScene(Scene):
+class LightScene(AttackScene):
     """The light backend; setpoints are noted where it gets them (`noted`)."""
 
     name = "light"
@@ -148,7 +148,7 @@ class LightScene(Scene):
         return ["benchmarks.attacks.noted", "--backend", "noted", *listen, *_flags()]
 
 
-class MavlinkScene(Scene):
+class MavlinkScene(AttackScene):
     """The mavlink backend and the PX4-like test autopilot; setpoints are noted at the autopilot's socket."""
 
     name = "mavlink"
@@ -164,7 +164,7 @@ class MavlinkScene(Scene):
         return ["ual_daemon", "--backend", "mavlink", "--url", udp_url(self.link_port), *listen, *_flags()]
 
 
-class PlainScene(Scene):
+class PlainScene(AttackScene):
     """A plain grpcio server (`plain`)."""
 
     name = "plain grpcio"
@@ -187,6 +187,6 @@ def _flags() -> list[str]:
     return os.environ.get("UAL_TEST_ATTACKS_FLAGS", "").split()
 
 
-SCENES: dict[str, type[Scene]] = {
+SCENES: dict[str, type[AttackScene]] = {
     scene.name.split(maxsplit=1)[0]: scene for scene in (LightScene, MavlinkScene, PlainScene)
 }

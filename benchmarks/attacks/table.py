@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from benchmarks.attacks.figures import Figures
+from benchmarks.attacks.figures import AttackFigures
 
 _HEADINGS = (
     "attack",
@@ -27,8 +27,8 @@ class Row:
 
     attack: str
     rate: str
-    figures: Figures
-    plain: Figures | None
+    figures: AttackFigures
+    plain: AttackFigures | None
     is_good: bool
 
     def cells(self) -> tuple[str, ...]:

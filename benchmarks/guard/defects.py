@@ -26,13 +26,13 @@ def _nothing() -> None:
 
 
 def _calls() -> None:
-    from ual_daemon.vehicle.setpoints import Setpoints
+    from ual_daemon.vehicle.setpoints import VehicleSetpoints
 
     def call(_: object, __: object) -> None:
         for _ in range(_EMPTY_CALLS):
             _nothing()
 
-    _before(Setpoints, "set_velocity", call)
+    _before(VehicleSetpoints, "set_velocity", call)
 
 
 def _copies() -> None:

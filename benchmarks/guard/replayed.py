@@ -11,7 +11,7 @@ from contextlib import contextmanager
 from unittest.mock import patch
 
 from benchmarks.children import free_port
-from benchmarks.vehicle import Vehicle, frames
+from benchmarks.vehicle import MinimalVehicle, frames
 from benchmarks.ways import FENCE
 from ual.types import State, Telemetry
 from ual_daemon import UAL
@@ -19,7 +19,7 @@ from ual_daemon.backends.base import BackendOptions, UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.engine.loop import LoopThread
 from ual_daemon.backends.mavlink.backend import MavlinkBackend
-from ual_daemon.backends.mavlink.links import Connection
+from ual_daemon.backends.mavlink.links import LinkConnection
 from ual_daemon.backends.mavlink.links.base import Chunk
 from ual_daemon.settings import GeofenceSettings, VehicleSettings
 
@@ -44,7 +44,7 @@ class _ScriptedClock(MonotonicClock):
         return _BEGIN_UTC_S + self.time_s
 
 
-class _PromptConnection(Connection):
+class _PromptConnection(LinkConnection):
     """A connection that does not wait for data."""
 
     def receive(self, timeout_s: float, now_s: float) -> list[Chunk]:
@@ -83,7 +83,7 @@ class ReplayedFlight:
         self._backend = _TurnedBackend(port)
         settings = VehicleSettings(geofence=GeofenceSettings(polygon=FENCE)) if has_fence else VehicleSettings()
         self.uav = UAL(self._backend, settings=settings)
-        self._vehicle = Vehicle()
+        self._vehicle = MinimalVehicle()
         self._vehicle.answer_at(port, has_fence=has_fence)
         self._bursts: list[tuple[float, list[bytes]]] = []
         for time_s, frame in frames(_TRACE):

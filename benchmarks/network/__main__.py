@@ -15,7 +15,7 @@ import sys
 
 from benchmarks.children import prefer_this
 from benchmarks.network import flight, presence, wire
-from benchmarks.network.goals import Found
+from benchmarks.network.goals import NetworkFigure
 
 PARTS = ("presence", "failover", "flight", "wire")
 
@@ -30,7 +30,7 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=10.0, help="of each measurement")
     arguments = parser.parse_args()
     prefer_this()
-    found: list[Found] = []
+    found: list[NetworkFigure] = []
     for part in arguments.only or PARTS:
         if part == "presence":
             found += presence.measure(arguments.uavs, arguments.seconds)

@@ -15,7 +15,7 @@ from pathlib import Path
 from benchmarks.attacks.scenes import LightScene
 from benchmarks.children import Process
 from benchmarks.network import router
-from benchmarks.network.goals import Found
+from benchmarks.network.goals import NetworkFigure
 from tests.ports import free_port
 from ual.network import Network, NetworkSettings, configuration
 from ual.network.session import close_session, open_session
@@ -29,7 +29,7 @@ _MOST_MORE_MS = 5.0
 _FLAGS = "UAL_TEST_ATTACKS_FLAGS"
 
 
-def measure(messages: int, seconds: float) -> list[Found]:
+def measure(messages: int, seconds: float) -> list[NetworkFigure]:
     """Measures the lateness of setpoints, each with a daemon of its own."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     settings = NetworkSettings(site=_SITE, connect=(endpoint,))
@@ -50,11 +50,13 @@ def measure(messages: int, seconds: float) -> list[Found]:
         return [*found, *(_more(each, without) for each in found[1:] if each.unit == "ms")]
 
 
-def _more(found: Found, without: Found) -> Found:
-    return Found(f"{found.what}: more than without the network", found.value - without.value, "ms", _MOST_MORE_MS)
+def _more(found: NetworkFigure, without: NetworkFigure) -> NetworkFigure:
+    return NetworkFigure(
+        f"{found.what}: more than without the network", found.value - without.value, "ms", _MOST_MORE_MS
+    )
 
 
-def _late(what: str, config: Path | None, act: Callable[[LightScene], None]) -> Found:
+def _late(what: str, config: Path | None, act: Callable[[LightScene], None]) -> NetworkFigure:
     """Returns how late setpoints were while something happens."""
     os.environ[_FLAGS] = "" if config is None else f"--network {config}"
     with LightScene() as scene:
@@ -63,7 +65,7 @@ def _late(what: str, config: Path | None, act: Callable[[LightScene], None]) -> 
         measured = scene.measure()
         defects = scene.defects()
     print(f"{what}: {measured.setpoints}, {measured.errors}, {defects[:3]}", file=sys.stderr, flush=True)
-    return Found(f"setpoints at 50 Hz, p99 lateness: {what}", measured.setpoints.p99, "ms", _MOST_P99_MS)
+    return NetworkFigure(f"setpoints at 50 Hz, p99 lateness: {what}", measured.setpoints.p99, "ms", _MOST_P99_MS)
 
 
 def _restart(routing: Process, file: Path, seconds: float) -> None:
@@ -74,7 +76,7 @@ def _restart(routing: Process, file: Path, seconds: float) -> None:
         time.sleep(seconds * 2.0 / 3.0)
 
 
-def _nonsense(settings: NetworkSettings, config: Path, messages: int) -> list[Found]:
+def _nonsense(settings: NetworkSettings, config: Path, messages: int) -> list[NetworkFigure]:
     sent: list[float] = []
 
     def send(_: LightScene) -> None:
@@ -86,7 +88,7 @@ def _nonsense(settings: NetworkSettings, config: Path, messages: int) -> list[Fo
         sent.append(time.monotonic() - began_s)
 
     late = _late(f"{messages} messages of nonsense", config, send)
-    return [late, Found(f"{messages} messages of nonsense took", sent[0], "s")]
+    return [late, NetworkFigure(f"{messages} messages of nonsense took", sent[0], "s")]
 
 
 def _send(settings: NetworkSettings, instance: str, messages: int) -> None:

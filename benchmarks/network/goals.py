@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Found:
+class NetworkFigure:
     """One figure; `most` is the largest that is good, None where it is only reported."""
 
     what: str

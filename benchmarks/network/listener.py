@@ -19,7 +19,7 @@ _IDLE_SHARE = 4.0
 """Factor of a look's duration for which it pauses: a look at thousands of UAVs takes a while."""
 
 
-class Listener:
+class NetworkListener:
     """The tasks."""
 
     def __init__(self, config: str) -> None:
@@ -80,4 +80,4 @@ class Listener:
 
 
 if __name__ == "__main__":
-    serve(Listener(sys.argv[1]).handle)
+    serve(NetworkListener(sys.argv[1]).handle)

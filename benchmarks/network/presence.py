@@ -13,7 +13,7 @@ from pathlib import Path
 
 from benchmarks.children import Child, Process
 from benchmarks.network import namespaces
-from benchmarks.network.goals import Found
+from benchmarks.network.goals import NetworkFigure
 from benchmarks.network.site import ROUTERS, Site
 
 _DAEMONS = 5
@@ -49,7 +49,7 @@ def _fly(uavs: int, stack: ExitStack, *, is_split: bool) -> _Fleet:
     return _Fleet(site, spans, routers, listener, daemons)
 
 
-def measure_failover(uavs: int) -> list[Found]:
+def measure_failover(uavs: int) -> list[NetworkFigure]:
     """Measures what a program sees that starts after the first of two routers was killed, with the UAVs in the air."""
     with ExitStack() as stack:
         fleet = _fly(uavs, stack, is_split=False)
@@ -58,18 +58,18 @@ def measure_failover(uavs: int) -> list[Found]:
         fleet.routers[0].popen.kill()
         found = [_discovered(fleet.listener, "at once after router_1 was killed", uavs)]
         back = fleet.listener.ask("until", count=uavs, is_exact=True)
-        found.append(Found("router_1 is killed: who runs sees all again", back["at_s"] - at_s, "s", _STOPPED_S))
+        found.append(NetworkFigure("router_1 is killed: who runs sees all again", back["at_s"] - at_s, "s", _STOPPED_S))
         found.append(_discovered(fleet.listener, "once who runs sees all again", uavs))
         return found
 
 
-def _discovered(listener: Child, when: str, uavs: int) -> Found:
+def _discovered(listener: Child, when: str, uavs: int) -> NetworkFigure:
     seen = listener.ask("discover", limit_s=_START_LIMIT_S)
     what = f"a program that starts {when} lists {seen['count']} of {uavs}"
-    return Found(what, seen["took_s"] if seen["count"] == uavs else math.inf, "s", _FAILOVER_S)
+    return NetworkFigure(what, seen["took_s"] if seen["count"] == uavs else math.inf, "s", _FAILOVER_S)
 
 
-def measure(uavs: int, seconds: float) -> list[Found]:
+def measure(uavs: int, seconds: float) -> list[NetworkFigure]:
     """Measures a fleet of so many."""
     each = uavs // _DAEMONS
     with ExitStack() as stack:
@@ -79,7 +79,7 @@ def measure(uavs: int, seconds: float) -> list[Found]:
         lan = site.lan
         listed = listener.ask("until", count=uavs, limit_s=_START_LIMIT_S)
         found = [
-            Found(
+            NetworkFigure(
                 f"{uavs} UAVs in {_DAEMONS} daemons: all listed after all serve",
                 listed["at_s"] - served_s,
                 "s",
@@ -87,7 +87,9 @@ def measure(uavs: int, seconds: float) -> list[Found]:
             )
         ]
         anew = listener.ask("discover", limit_s=_START_LIMIT_S)
-        found.append(Found(f"a program that starts lists {anew['count']} of {uavs}", anew["took_s"], "s", _LISTED_S))
+        found.append(
+            NetworkFigure(f"a program that starts lists {anew['count']} of {uavs}", anew["took_s"], "s", _LISTED_S)
+        )
         found += _cost(listener, daemons, routers, seconds)
         found += _stopped(listener, daemons[1], uavs, each)
         found += _restarted_router(site, routers, listener, uavs)
@@ -119,28 +121,28 @@ def _wait_until_serving(daemon: Process, log: Path) -> None:
         time.sleep(0.02)
 
 
-def _cost(listener: Child, daemons: list[Process], routers: list[Process], seconds: float) -> list[Found]:
+def _cost(listener: Child, daemons: list[Process], routers: list[Process], seconds: float) -> list[NetworkFigure]:
     """Returns the costs of the dashboard: a listener to all at 1 Hz, the routers, and a daemon with its simulation."""
     before = [listener.ask("processor")["processor_s"], *(each.processor_s() for each in (*routers, *daemons))]
     time.sleep(seconds)
     after = [listener.ask("processor")["processor_s"], *(each.processor_s() for each in (*routers, *daemons))]
     shares = [100.0 * (b - a) / seconds for a, b in zip(before, after, strict=True)]
     return [
-        Found("processor: who listens to all at 1 Hz", shares[0], "%"),
-        Found("processor: both routers", sum(shares[1:3]), "%"),
-        Found("processor: the daemons together, with their simulation", sum(shares[3:]), "%"),
-        Found("memory: the larger router", max(each.resident_mib() for each in routers), "MiB"),
+        NetworkFigure("processor: who listens to all at 1 Hz", shares[0], "%"),
+        NetworkFigure("processor: both routers", sum(shares[1:3]), "%"),
+        NetworkFigure("processor: the daemons together, with their simulation", sum(shares[3:]), "%"),
+        NetworkFigure("memory: the larger router", max(each.resident_mib() for each in routers), "MiB"),
     ]
 
 
-def _killed(listener: Child, daemon: Process, uavs: int, each: int) -> list[Found]:
+def _killed(listener: Child, daemon: Process, uavs: int, each: int) -> list[NetworkFigure]:
     at_s = time.monotonic()
     daemon.popen.kill()
     gone = listener.ask("until", count=uavs - each, is_exact=True)
-    return [Found(f"a daemon is killed: its {each} are gone", gone["at_s"] - at_s, "s", _KILLED_S)]
+    return [NetworkFigure(f"a daemon is killed: its {each} are gone", gone["at_s"] - at_s, "s", _KILLED_S)]
 
 
-def _stopped(listener: Child, daemon: Process, uavs: int, each: int) -> list[Found]:
+def _stopped(listener: Child, daemon: Process, uavs: int, each: int) -> list[NetworkFigure]:
     at_s = time.monotonic()
     daemon.popen.send_signal(signal.SIGSTOP)
     gone = listener.ask("until", count=uavs - each, is_exact=True)
@@ -148,12 +150,12 @@ def _stopped(listener: Child, daemon: Process, uavs: int, each: int) -> list[Fou
     on_s = time.monotonic()
     back = listener.ask("until", count=uavs, is_exact=True)
     return [
-        Found(f"a daemon is stopped (SIGSTOP): its {each} are gone", gone["at_s"] - at_s, "s", _STOPPED_S),
-        Found("it goes on: they are there again", back["at_s"] - on_s, "s", _RIGHT_S),
+        NetworkFigure(f"a daemon is stopped (SIGSTOP): its {each} are gone", gone["at_s"] - at_s, "s", _STOPPED_S),
+        NetworkFigure("it goes on: they are there again", back["at_s"] - on_s, "s", _RIGHT_S),
     ]
 
 
-def _restarted_router(site: Site, routers: list[Process], listener: Child, uavs: int) -> list[Found]:
+def _restarted_router(site: Site, routers: list[Process], listener: Child, uavs: int) -> list[NetworkFigure]:
     """The daemons' router is killed, and started again: from its start on, when is all right."""
     routers[0].popen.kill()
     routers[0].popen.wait()
@@ -163,12 +165,12 @@ def _restarted_router(site: Site, routers: list[Process], listener: Child, uavs:
     at_s = time.monotonic()
     back = listener.ask("until", count=uavs, is_exact=True)
     return [
-        Found("a router that was killed is started again: until it routes", at_s - begun_s, "s"),
-        Found("from then on until presence is right", max(0.0, back["at_s"] - at_s), "s", _RIGHT_S),
+        NetworkFigure("a router that was killed is started again: until it routes", at_s - begun_s, "s"),
+        NetworkFigure("from then on until presence is right", max(0.0, back["at_s"] - at_s), "s", _RIGHT_S),
     ]
 
 
-def _cut_off(lan: namespaces.Lan, name: str, listener: Child, uavs: int, each: int) -> list[Found]:
+def _cut_off(lan: namespaces.Lan, name: str, listener: Child, uavs: int, each: int) -> list[NetworkFigure]:
     at_s = time.monotonic()
     lan.cut(name, is_up=False)
     gone = listener.ask("until", count=uavs - each, is_exact=True)
@@ -178,7 +180,7 @@ def _cut_off(lan: namespaces.Lan, name: str, listener: Child, uavs: int, each: i
     back = listener.ask("until", count=uavs, is_exact=True)
     steady = listener.ask("steady", seconds=_STEADY_S)
     return [
-        Found(f"a computer is cut off: its {each} are gone", gone["at_s"] - at_s, "s", _STOPPED_S),
-        Found("it is back after a minute: presence is right", back["at_s"] - on_s, "s", _RIGHT_S),
-        Found("in the seconds after that: UAVs that are missing", float(uavs - steady["count"]), "", 0.0),
+        NetworkFigure(f"a computer is cut off: its {each} are gone", gone["at_s"] - at_s, "s", _STOPPED_S),
+        NetworkFigure("it is back after a minute: presence is right", back["at_s"] - on_s, "s", _RIGHT_S),
+        NetworkFigure("in the seconds after that: UAVs that are missing", float(uavs - steady["count"]), "", 0.0),
     ]

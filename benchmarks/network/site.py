@@ -42,7 +42,7 @@ class Site:
             network_files.Router(name, address, _PORT + i)
             for i, (name, address) in enumerate(zip(ROUTERS, addresses, strict=True))
         ]
-        network_files.write(directory, network_files.Site("benchmark", routers, publishers, ["observer"]))
+        network_files.write(directory, network_files.NetworkSite("benchmark", routers, publishers, ["observer"]))
         if is_split:
             self._keep_router("observer", routers[1].endpoint)
             for name in publishers:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from benchmarks.children import Child, Process
 from benchmarks.network import router
-from benchmarks.network.goals import Found
+from benchmarks.network.goals import NetworkFigure
 from tests.ports import free_port
 from ual.network import NetworkSettings, configuration
 
@@ -20,7 +20,7 @@ _LIMIT_S = 180.0
 _LISTED_S = 3.0
 
 
-def measure(uavs: int, seconds: float) -> list[Found]:
+def measure(uavs: int, seconds: float) -> list[NetworkFigure]:
     """Measures so many UAVs."""
     each = uavs // _TELLERS
     endpoint = f"tcp/127.0.0.1:{free_port()}"
@@ -43,7 +43,7 @@ def measure(uavs: int, seconds: float) -> list[Found]:
         ready_s = time.monotonic()
         listed = listener.ask("until", count=uavs, limit_s=_LIMIT_S)
         found = [
-            Found(
+            NetworkFigure(
                 f"{uavs} UAVs told by {_TELLERS} processes: all listed after all tell",
                 max(0.0, listed["at_s"] - ready_s),
                 "s",
@@ -51,7 +51,7 @@ def measure(uavs: int, seconds: float) -> list[Found]:
             )
         ]
         anew = listener.ask("discover", limit_s=_LIMIT_S)
-        found.append(Found(f"a program that starts lists {anew['count']} of {uavs}", anew["took_s"], "s"))
+        found.append(NetworkFigure(f"a program that starts lists {anew['count']} of {uavs}", anew["took_s"], "s"))
         processes: list[Process] = [routing, listener, *tellers]
         before = [process.processor_s() for process in processes]
         began_s = time.monotonic()
@@ -62,12 +62,12 @@ def measure(uavs: int, seconds: float) -> list[Found]:
         ]
         return [
             *found,
-            Found("samples a second", len(ages_s) / took_s, "/s"),
-            Found("from sample to who listens, p50", ages_s[len(ages_s) // 2] * 1e3, "ms"),
-            Found("from sample to who listens, p99", ages_s[len(ages_s) * 99 // 100] * 1e3, "ms"),
-            Found("processor: the router", shares[0], "%"),
-            Found("processor: who listens to all", shares[1], "%"),
-            Found("processor: the twenty that tell, together", sum(shares[2:]), "%"),
-            Found("memory: the router", routing.resident_mib(), "MiB"),
-            Found("memory: who listens", listener.resident_mib(), "MiB"),
+            NetworkFigure("samples a second", len(ages_s) / took_s, "/s"),
+            NetworkFigure("from sample to who listens, p50", ages_s[len(ages_s) // 2] * 1e3, "ms"),
+            NetworkFigure("from sample to who listens, p99", ages_s[len(ages_s) * 99 // 100] * 1e3, "ms"),
+            NetworkFigure("processor: the router", shares[0], "%"),
+            NetworkFigure("processor: who listens to all", shares[1], "%"),
+            NetworkFigure("processor: the twenty that tell, together", sum(shares[2:]), "%"),
+            NetworkFigure("memory: the router", routing.resident_mib(), "MiB"),
+            NetworkFigure("memory: who listens", listener.resident_mib(), "MiB"),
         ]

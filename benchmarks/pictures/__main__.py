@@ -31,7 +31,7 @@ _LEAST_RATE = 0.95
 _MEGA = 1e-6
 
 
-class Part(NamedTuple):
+class RoundPart(NamedTuple):
     """Measurements of one part of a round."""
 
     late_ms: Sequence[float]
@@ -47,7 +47,7 @@ class Pictures(NamedTuple):
     mb: float
 
 
-class Flight:
+class PicturesFlight:
     """A daemon with its UAV in the air, the program that flies it, and those that get pictures."""
 
     def __init__(self, stack: ExitStack) -> None:
@@ -70,7 +70,7 @@ class Flight:
         for process in (self._daemon, self._pilot):
             process.prefer()
 
-    def fly(self, count: int) -> Part:
+    def fly(self, count: int) -> RoundPart:
         """Sends setpoints at 50 Hz. Returns how late each came."""
         self._came()
         began_s, before_s = time.monotonic(), processor_s(self._daemon.pid)
@@ -79,7 +79,7 @@ class Flight:
         came = self._came()
         sent = list(zip(given["number"], given["at_ns"], strict=True))
         late_ms = [(came[number] - at_ns) * _MEGA for number, at_ns in sent if number in came]
-        return Part(late_ms, count - len(late_ms), percent)
+        return RoundPart(late_ms, count - len(late_ms), percent)
 
     def _came(self) -> dict[int, int]:
         self._noted.unlink(missing_ok=True)
@@ -89,7 +89,7 @@ class Flight:
         return dict(json.loads(self._noted.read_text()))
 
 
-def measure(flight: Flight, count: int, max_age_s: float) -> tuple[Part, Part, Pictures]:
+def measure(flight: PicturesFlight, count: int, max_age_s: float) -> tuple[RoundPart, RoundPart, Pictures]:
     """Returns one round: without pictures, with them, and what came of them."""
     without = flight.fly(count)
     for reader in flight.readers:
@@ -103,7 +103,7 @@ def measure(flight: Flight, count: int, max_age_s: float) -> tuple[Part, Part, P
     return without, with_them, Pictures(rates, [ms for each in ends for ms in each["took_ms"]], min(sizes) / 1e6)
 
 
-def _line(name: str, parts: Sequence[Part]) -> str:
+def _line(name: str, parts: Sequence[RoundPart]) -> str:
     late_ms = [ms for each in parts for ms in each.late_ms]
     return (
         f"{name:18}{len(late_ms):6d} setpoints: {p50(late_ms):.2f} ms late p50, {p99(late_ms):.2f} p99, "
@@ -111,7 +111,9 @@ def _line(name: str, parts: Sequence[Part]) -> str:
     )
 
 
-def _verdicts(without: Sequence[Part], with_them: Sequence[Part], pictures: Sequence[Pictures]) -> Iterator[str]:
+def _verdicts(
+    without: Sequence[RoundPart], with_them: Sequence[RoundPart], pictures: Sequence[Pictures]
+) -> Iterator[str]:
     late_ms = p99([ms for each in with_them for ms in each.late_ms])
     rate_hz = min(rate for each in pictures for rate in each.rate_hz)
     lost = sum(each.lost for each in with_them) - sum(each.lost for each in without)
@@ -140,7 +142,7 @@ def main() -> None:
     parser.add_argument("--prefer", action="store_true", help="give the daemon and the pilot real-time priority")
     options = parser.parse_args()
     with ExitStack() as stack:
-        flight = Flight(stack)
+        flight = PicturesFlight(stack)
         if options.prefer:
             flight.prefer()
         flight.fly(int(RATE_HZ))  # warm

@@ -11,7 +11,7 @@ import ual
 from benchmarks.children import serve
 
 
-class Reader:
+class PicturesReader:
     """Gets pictures until `end`."""
 
     def __init__(self, address: str) -> None:
@@ -44,7 +44,7 @@ class Reader:
 
 
 def main() -> None:
-    reader = Reader(sys.argv[1])
+    reader = PicturesReader(sys.argv[1])
 
     def handle(task: dict[str, Any]) -> dict[str, Any]:
         return reader.begin(**task) if task.pop("do") == "begin" else reader.end()

@@ -19,16 +19,16 @@ def of_vehicle() -> Iterator[Station]:
     """Returns the stations from the link to the sample, in whichever process the vehicle's thread is."""
     from ual_daemon.backends.engine.loop import Loop
     from ual_daemon.backends.mavlink.links.udp import UdpLink
-    from ual_daemon.backends.mavlink.session.session import Session
+    from ual_daemon.backends.mavlink.session.session import MavlinkSession
     from ual_daemon.backends.mavlink.wire.messages import Codec
     from ual_daemon.flight.flight import Flight
     from ual_daemon.vehicle.vehicle import Vehicle
 
     yield Station(UdpLink, "receive", "the socket is ready", "datagram read", begins=True)
     yield Station(Codec, "decode", "frame checked", "message decoded", number=_of_message)
-    yield Station(Session, "on_message", after="values taken")
+    yield Station(MavlinkSession, "on_message", after="values taken")
     yield Station(Loop, "publish", "update is due")
-    yield Station(Session, "snapshot", after="snapshot made")
+    yield Station(MavlinkSession, "snapshot", after="snapshot made")
     yield Station(Vehicle, "_on_update", "update begins")
     yield Station(Flight, "step", "flight begins", "flown")
     yield Station(UdpLink, "send", after="setpoint sent")

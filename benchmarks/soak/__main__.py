@@ -18,7 +18,7 @@ from pathlib import Path
 
 from benchmarks.children import REPOSITORY, Child, Process, free_port
 from benchmarks.servers import UalDaemon
-from benchmarks.soak.readings import Reading, judge, read
+from benchmarks.soak.readings import ProcessReading, judge, read
 from tests.simulators.process import autopilot_process
 
 _PERIOD_S = 5.0
@@ -27,7 +27,7 @@ _CALLERS_COUNT = 2
 _ENDURANCE_S = 10_000_000
 _DEFECT = re.compile(r"Traceback|\bdefect\b|failed unexpectedly|\bERROR\b")
 
-Readings = dict[str, list[Reading]]
+Readings = dict[str, list[ProcessReading]]
 
 
 def main() -> int:
@@ -45,7 +45,7 @@ def main() -> int:
         readings: Readings = {name: [] for name in (*daemons, "callers")}
         with (arguments.out / "soak.csv").open("w", newline="") as file:
             writer = csv.writer(file)
-            writer.writerow(("process", *Reading._fields))
+            writer.writerow(("process", *ProcessReading._fields))
             for name, reading in _soak({**daemons, "callers": callers}, arguments.minutes * 60.0):
                 readings[name].append(reading)
                 writer.writerow((name, *reading))
@@ -79,7 +79,7 @@ def _start(resources: ExitStack, *flags: str) -> dict[str, UalDaemon]:
     return daemons
 
 
-def _soak(processes: Mapping[str, Process], duration_s: float) -> Iterator[tuple[str, Reading]]:
+def _soak(processes: Mapping[str, Process], duration_s: float) -> Iterator[tuple[str, ProcessReading]]:
     """Yields a reading of each process again and again, and prints a line each minute."""
     began_s = time.monotonic()
     next_line_s = _LINE_S
@@ -92,7 +92,7 @@ def _soak(processes: Mapping[str, Process], duration_s: float) -> Iterator[tuple
         time.sleep(_PERIOD_S)
 
 
-def _line(name: str, reading: Reading) -> str:
+def _line(name: str, reading: ProcessReading) -> str:
     return (
         f"{name} {reading.resident_mib:.2f} MiB ({reading.anonymous_mib:.2f}) {reading.threads_count} threads "
         f"{reading.descriptors_count} files {reading.processor_s / max(1.0, reading.at_s):.1%}"

@@ -8,7 +8,7 @@ from typing import Any
 
 from benchmarks.children import serve
 from benchmarks.soak.disturbances import Disturbances
-from benchmarks.soak.pilot import Pilot
+from benchmarks.soak.pilot import SoakPilot
 from benchmarks.soak.tally import Tally
 
 
@@ -18,7 +18,7 @@ def main() -> None:
     threads = [
         threading.Thread(target=work.run, daemon=True)
         for seed, (address, tally) in enumerate(tallies.items())
-        for work in (Pilot(address, tally, seed, stopped), Disturbances(address, tally, seed, stopped))
+        for work in (SoakPilot(address, tally, seed, stopped), Disturbances(address, tally, seed, stopped))
     ]
     for thread in threads:
         thread.start()

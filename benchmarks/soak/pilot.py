@@ -22,7 +22,7 @@ _SETPOINT_PERIOD_S = 0.04
 _FRAME = "soak"
 
 
-class Pilot:
+class SoakPilot:
     """Flies until it is stopped, with a new client for each flight. What goes wrong is counted, and it goes on."""
 
     def __init__(self, address: str, tally: Tally, seed: int, stopped: threading.Event) -> None:

@@ -19,7 +19,7 @@ _SPREAD_COUNT = 12
 """Threads or descriptors that may come and go with calls."""
 
 
-class Measured(Protocol):
+class MeasuredProcess(Protocol):
     """A process."""
 
     @property
@@ -30,7 +30,7 @@ class Measured(Protocol):
         """Returns its processor time so far."""
 
 
-class Reading(NamedTuple):
+class ProcessReading(NamedTuple):
     """One look at a process. Resident memory with all, and the anonymous part alone (without files)."""
 
     at_s: float
@@ -41,14 +41,14 @@ class Reading(NamedTuple):
     processor_s: float
 
 
-class Verdict(NamedTuple):
+class FlatnessVerdict(NamedTuple):
     """Whether it stayed flat, and a line that says so."""
 
     is_flat: bool
     text: str
 
 
-def read(process: Measured, at_s: float) -> Reading:
+def read(process: MeasuredProcess, at_s: float) -> ProcessReading:
     """Returns a reading now.
 
     Raises:
@@ -63,7 +63,7 @@ def read(process: Measured, at_s: float) -> Reading:
     numbers = {key: int(value) for key, value in re.findall(r"^(VmRSS|RssAnon|Threads):\s+(\d+)", status, re.MULTILINE)}
     if "VmRSS" not in numbers:
         raise ChildError(f"process {process.pid} has ended")
-    return Reading(
+    return ProcessReading(
         at_s,
         numbers["VmRSS"] / 1024.0,
         numbers["RssAnon"] / 1024.0,
@@ -73,7 +73,7 @@ def read(process: Measured, at_s: float) -> Reading:
     )
 
 
-def judge(readings: Sequence[Reading]) -> Verdict:
+def judge(readings: Sequence[ProcessReading]) -> FlatnessVerdict:
     """Judges the readings after `WARM_S`; where the run was short, those of its second half."""
     end_s = readings[-1].at_s
     since_s = WARM_S if end_s >= 2.0 * WARM_S else end_s / 2.0
@@ -94,10 +94,10 @@ def judge(readings: Sequence[Reading]) -> Verdict:
         f"trend {_trend_mib_per_hour(warm):+.2f} MiB/h; {min(threads):g} to {max(threads):g} threads, "
         f"{min(descriptors):g} to {max(descriptors):g} descriptors: {'PASS' if is_flat else 'FAIL'}"
     )
-    return Verdict(is_flat, text)
+    return FlatnessVerdict(is_flat, text)
 
 
-def _medians(readings: Sequence[Reading], values: Sequence[float]) -> list[float]:
+def _medians(readings: Sequence[ProcessReading], values: Sequence[float]) -> list[float]:
     """Returns the median of each minute."""
     minutes: dict[int, list[float]] = {}
     for reading, value in zip(readings, values, strict=True):
@@ -105,7 +105,7 @@ def _medians(readings: Sequence[Reading], values: Sequence[float]) -> list[float
     return [statistics.median(found) for found in minutes.values()]
 
 
-def _trend_mib_per_hour(readings: Sequence[Reading]) -> float:
+def _trend_mib_per_hour(readings: Sequence[ProcessReading]) -> float:
     if len(readings) < 2:
         return 0.0
     times_h = [reading.at_s / 3600.0 for reading in readings]

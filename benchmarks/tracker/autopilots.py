@@ -19,7 +19,7 @@ from urllib.parse import urlsplit
 from typing_extensions import Self
 
 from benchmarks.children import ChildError
-from benchmarks.tracker.flown import NEAR_M, Flown, Place
+from benchmarks.tracker.flown import NEAR_M, FlownPlace, TrackedFlight
 from benchmarks.tracker.truth import Truth
 from benchmarks.tracker.ways import FAR, OURS, PURSUIT
 from tests.sitl.copter_pilot import CopterPilot
@@ -40,7 +40,7 @@ _LONGEST_S = 60.0
 
 
 @dataclass(frozen=True)
-class Autopilot:
+class TrackedAutopilot:
     """The URLs of one autopilot."""
 
     name: str
@@ -67,22 +67,22 @@ class Autopilot:
             pilot.close()
 
 
-PX4 = Autopilot("PX4", "UAL_TEST_PX4_URL", "UAL_TEST_PX4_PILOT", SafetyPilot)
-ARDUPILOT = Autopilot("ArduPilot", "UAL_TEST_ARDUPILOT_URL", "UAL_TEST_ARDUPILOT_PILOT", CopterPilot)
+PX4 = TrackedAutopilot("PX4", "UAL_TEST_PX4_URL", "UAL_TEST_PX4_PILOT", SafetyPilot)
+ARDUPILOT = TrackedAutopilot("ArduPilot", "UAL_TEST_ARDUPILOT_URL", "UAL_TEST_ARDUPILOT_PILOT", CopterPilot)
 
 
 @dataclass(frozen=True)
-class Found:
+class AutopilotFlights:
     """Returns all flights of one autopilot, by way."""
 
     version: str
     limits: Limits
-    flights: Mapping[str, list[Flown]]
+    flights: Mapping[str, list[TrackedFlight]]
 
 
-def fly(autopilot: Autopilot, flights: int) -> Found:
+def fly(autopilot: TrackedAutopilot, flights: int) -> AutopilotFlights:
     """Flies several times in each way, half of them out (up) and half of them back; one daemon for each tracker."""
-    found: dict[str, list[Flown]] = defaultdict(list)
+    found: dict[str, list[TrackedFlight]] = defaultdict(list)
     rounds = math.ceil(flights / 2)
     with autopilot.pilot() as pilot:
         low: Pose | None = None
@@ -102,17 +102,17 @@ def fly(autopilot: Autopilot, flights: int) -> Found:
                         found[way].append(uav.fly(way, start, goal))
                 if tracker is Tracker.PURSUIT:
                     uav.land()
-    return Found(version, limits, found)
+    return AutopilotFlights(version, limits, found)
 
 
 class RealUav:
     """The UAV, flown with the class interface; made anew, in the air, for another tracker."""
 
-    def __init__(self, autopilot: Autopilot, tracker: Tracker, truth: Truth | None = None) -> None:
+    def __init__(self, autopilot: TrackedAutopilot, tracker: Tracker, truth: Truth | None = None) -> None:
         self.ual = UAL(
             "mavlink", "uav_1", url=os.environ[autopilot.url_variable], settings=VehicleSettings(tracker=tracker)
         )
-        self._places: list[Place] = []
+        self._places: list[FlownPlace] = []
         self.truth = truth or Truth()
         self.ual.subscribe(self._keep)
 
@@ -151,7 +151,7 @@ class RealUav:
         self.ual.land()
         self._until(lambda: self.ual.state() is State.LANDED_DISARMED, "disarmed")
 
-    def fly(self, way: str, start: Pose, goal: Pose) -> Flown:
+    def fly(self, way: str, start: Pose, goal: Pose) -> TrackedFlight:
         """Flies from one hover to the next."""
         self._places = []
         if way == FAR:
@@ -160,7 +160,7 @@ class RealUav:
             self.ual.go_to_waypoint(goal, blocking=False)
         self._until(lambda: self._is_near(goal.position), f"at its goal ({way})", _LONGEST_S)
         time.sleep(_AFTER_S)
-        return Flown(start.position, goal.position, list(self._places))
+        return TrackedFlight(start.position, goal.position, list(self._places))
 
     def _is_near(self, goal: Vector3) -> bool:
         return bool(self._places) and (self._places[-1].position - goal).norm() <= NEAR_M
@@ -171,7 +171,7 @@ class RealUav:
             reference = None if wanted is None else wanted.position
             true = self.truth.position
             speed_m_s, has_task = velocity.linear.norm(), telemetry.task is not None
-            self._places.append(Place(telemetry.stamp_s, pose.position, speed_m_s, reference, true, has_task))
+            self._places.append(FlownPlace(telemetry.stamp_s, pose.position, speed_m_s, reference, true, has_task))
 
     def _until(self, condition: Callable[[], bool], what: str, limit_s: float = _PATIENCE_S) -> None:
         until_s = time.monotonic() + limit_s

@@ -14,7 +14,7 @@ _SAME_M = 0.01
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class FlownPlace:
     """Position of the UAV by the autopilot's estimate, and position of its reference (None: no reference); metres.
 
     `true_position` is where its simulator says that it was (None: it does not say so), in axes of its own.
@@ -29,12 +29,12 @@ class Place:
 
 
 @dataclass(frozen=True)
-class Flown:
+class TrackedFlight:
     """A flight from `start` to `goal`: all places from the command until some seconds after the goal was reached."""
 
     start: Vector3
     goal: Vector3
-    places: Sequence[Place]
+    places: Sequence[FlownPlace]
 
     def within_s(self, near_m: float = NEAR_M) -> float:
         """Returns the time from the command until it was first this near to the goal; infinity if it never was."""
@@ -88,7 +88,7 @@ class Flown:
         split = [self._split(place.position) for place in self.places]
         return [along for along, _ in split], [off for _, off in split]
 
-    def true(self) -> Flown | None:
+    def true(self) -> TrackedFlight | None:
         """Returns the same flight by the simulator's truth, as if the estimate had been right at its begin."""
         first = self.places[0]
         if first.true_position is None:
@@ -99,7 +99,7 @@ class Flown:
             for place in self.places
             if place.true_position is not None
         ]
-        return Flown(self.start, self.goal, places)
+        return TrackedFlight(self.start, self.goal, places)
 
     @property
     def waited_s(self) -> float:

@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from benchmarks.tracker import optimal
-from benchmarks.tracker.flown import Flown, Place
+from benchmarks.tracker.flown import FlownPlace, TrackedFlight
 from benchmarks.tracker.ways import FAR, PURSUIT, WAYS
 from ual.geometry import Pose, PoseStamped, Vector3
 from ual.types import FollowPathRequest, GoToWaypointRequest, Limits, TakeOffRequest, Telemetry
@@ -61,7 +61,7 @@ class _Uav:
         self.backend = _RecordingBackend(BackendOptions("uav_1", settings={**light, "speed_factor": 0}))
         self.vehicle = Vehicle(self.backend, VehicleSettings(tracker=tracker))
         self.vehicle.open()
-        self.places: list[Place] = []
+        self.places: list[FlownPlace] = []
         self.vehicle.subscribe(self._keep)
         self._simulation = self.vehicle.simulation()
         self.run(STEP_S)
@@ -92,7 +92,7 @@ class _Uav:
         pose, velocity, wanted = telemetry.pose, telemetry.velocity, telemetry.reference_pose
         if pose is not None and velocity is not None:
             reference = None if wanted is None else wanted.position
-            self.places.append(Place(telemetry.stamp_s, pose.position, velocity.linear.norm(), reference))
+            self.places.append(FlownPlace(telemetry.stamp_s, pose.position, velocity.linear.norm(), reference))
 
 
 @contextmanager
@@ -105,10 +105,10 @@ def _flying(tracker: Tracker, limits: Mapping[str, object], wind: Vector3 = _CAL
 
 
 @dataclass(frozen=True)
-class Line:
+class LineFlight:
     """A flight along the diagonal, its planned duration, and the shortest possible duration for the same limits."""
 
-    flown: Flown
+    flown: TrackedFlight
     planned_s: float
     optimal_s: float
 
@@ -117,7 +117,7 @@ VELOCITIES_ONLY: Mapping[str, object] = {"takes": "velocities"}
 """An autopilot that takes no positions."""
 
 
-def line(way: str, limits: Mapping[str, object], *, wind_m_s: float = 0.0) -> Line:
+def line(way: str, limits: Mapping[str, object], *, wind_m_s: float = 0.0) -> LineFlight:
     """Flies once along the diagonal with a quarter turn. The wind (if any) is across."""
     tracker = Tracker.PURSUIT if way == PURSUIT else Tracker.REFERENCE
     across = Vector3(-DIAGONAL.y, DIAGONAL.x, 0.0) / DIAGONAL.horizontal_norm() * wind_m_s
@@ -137,10 +137,10 @@ def line(way: str, limits: Mapping[str, object], *, wind_m_s: float = 0.0) -> Li
         else:
             uav.end(prepared.begin())
         uav.run(_AFTER_S)
-        return Line(Flown(start, goal.position, list(uav.places)), planned_s, least_s)
+        return LineFlight(TrackedFlight(start, goal.position, list(uav.places)), planned_s, least_s)
 
 
-def lines(limits: Mapping[str, object]) -> dict[str, Line]:
+def lines(limits: Mapping[str, object]) -> dict[str, LineFlight]:
     """Flies the same flight in each way."""
     return {way: line(way, limits) for way in WAYS}
 
@@ -190,14 +190,14 @@ def _off_rounded_m(p: Vector3, corners: Sequence[Vector3]) -> float:
 
 
 @dataclass(frozen=True)
-class Goals:
+class ChangingGoals:
     """The setpoints that were sent while the goal changed, as shares of the limits."""
 
     times_s: Sequence[float]
     shares: Mapping[str, Sequence[float]]
 
 
-def changing_goals(seed: int = 1) -> Goals:
+def changing_goals(seed: int = 1) -> ChangingGoals:
     """Sends goals at random places for a minute, a new one every 0.3 s."""
     chance = random.Random(seed)
     with _flying(Tracker.REFERENCE, FAST) as uav:
@@ -212,7 +212,7 @@ def changing_goals(seed: int = 1) -> Goals:
         sent = [(time_s, setpoint) for time_s, setpoint in uav.backend.sent if isinstance(setpoint, PositionSetpoint)]
         if len(sent) != len(uav.backend.sent):
             raise AssertionError("a go-to sent a setpoint without a position")
-        return Goals([time_s for time_s, _ in sent[1:]], _shares(sent, uav.limits))
+        return ChangingGoals([time_s for time_s, _ in sent[1:]], _shares(sent, uav.limits))
 
 
 def _shares(sent: Sequence[tuple[float, PositionSetpoint]], limits: Limits) -> dict[str, list[float]]:

@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.tracker import light
-from benchmarks.tracker.flown import Flown
+from benchmarks.tracker.flown import TrackedFlight
 from benchmarks.tracker.ways import FAR, OURS, PURSUIT
 
 _COLORS = {OURS: "#3b76af", FAR: "#c44e52", PURSUIT: "#8c8c8c"}
 
 
-def flights(file: Path, title: str, found: Mapping[str, Sequence[Flown]]) -> Path:
+def flights(file: Path, title: str, found: Mapping[str, Sequence[TrackedFlight]]) -> Path:
     """Draws each flight: its distance from the line over the distance flown, and the distance flown over time."""
     figure, (off, along) = _figure(2)
     for way, flown in found.items():
@@ -48,7 +48,7 @@ def zigzags(file: Path, found: Mapping[str, light.Zigzag]) -> Path:
     return _save(figure, file)
 
 
-def goals(file: Path, found: light.Goals) -> Path:
+def goals(file: Path, found: light.ChangingGoals) -> Path:
     """Draws the setpoints that were sent while the goal changed, as shares of the limits."""
     figure, axes = _figure(len(found.shares))
     for axis, (name, shares) in zip(axes, found.shares.items(), strict=True):

@@ -5,11 +5,11 @@ from __future__ import annotations
 import statistics
 from collections.abc import Mapping, Sequence
 
-from benchmarks.tracker.flown import Flown
+from benchmarks.tracker.flown import TrackedFlight
 from benchmarks.tracker.targets import FIGURES, TRUE_FIGURES, Figure
 
 
-def flights_table(title: str, flights: Mapping[str, Sequence[Flown]]) -> str:
+def flights_table(title: str, flights: Mapping[str, Sequence[TrackedFlight]]) -> str:
     """Returns the medians of all flights of each way; also the smallest and the largest value if there are several.
 
     A second row has those by the simulator's truth, where it says it.
@@ -23,7 +23,7 @@ def flights_table(title: str, flights: Mapping[str, Sequence[Flown]]) -> str:
     return "\n".join(rows)
 
 
-def _row(way: str, flown: Sequence[Flown], figures: Mapping[str, Figure]) -> str:
+def _row(way: str, flown: Sequence[TrackedFlight], figures: Mapping[str, Figure]) -> str:
     cells = (_cell([figures[name](each) for each in flown]) if name in figures else "" for name in FIGURES)
     return f"| {way} | {' | '.join(cells)} |"
 

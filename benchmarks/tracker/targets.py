@@ -6,12 +6,12 @@ import statistics
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from benchmarks.results import Spread
-from benchmarks.targets import Line
+from benchmarks.targets import TargetLine
 from benchmarks.tracker import autopilots, light
-from benchmarks.tracker.flown import Flown
+from benchmarks.tracker.flown import TrackedFlight
 from benchmarks.tracker.ways import FAR, OURS
 
-Figure = Callable[[Flown], float]
+Figure = Callable[[TrackedFlight], float]
 SETTLED_M = 0.02
 """A flight of the light simulation ends when it stays this near to its goal."""
 _ROUNDING = 1.01
@@ -32,12 +32,12 @@ TRUE_FIGURES: Mapping[str, Figure] = {
 
 
 def of_light(
-    calm: Mapping[str, Mapping[str, light.Line]],
-    windy: Mapping[str, light.Line],
-    velocities: Mapping[str, light.Line],
+    calm: Mapping[str, Mapping[str, light.LineFlight]],
+    windy: Mapping[str, light.LineFlight],
+    velocities: Mapping[str, light.LineFlight],
     zigzag: light.Zigzag,
-    goals: light.Goals,
-) -> Iterator[Line]:
+    goals: light.ChangingGoals,
+) -> Iterator[TargetLine]:
     """Returns the lines of the light backend. `calm` has the flights of each set of limits, `windy` those in wind, and
     `velocities` those of an autopilot that takes velocities only.
     """
@@ -62,21 +62,21 @@ def of_light(
         yield _one(what, _ROUNDING, max(shares), "of its limit")
 
 
-def of_autopilot(found: autopilots.Found) -> Iterator[Line]:
+def of_autopilot(found: autopilots.AutopilotFlights) -> Iterator[TargetLine]:
     """Returns the lines of a real autopilot: medians, ratios of medians, and the worst of all flights."""
     ours, far = found.flights[OURS], found.flights[FAR]
 
-    def absolute(what: str, limit: float) -> Line:
-        return Line(f"{found.version}: {what}", limit, Spread.of([FIGURES[what](flown) for flown in ours]))
+    def absolute(what: str, limit: float) -> TargetLine:
+        return TargetLine(f"{found.version}: {what}", limit, Spread.of([FIGURES[what](flown) for flown in ours]))
 
-    def worst(what: str, limit: float) -> Line:
+    def worst(what: str, limit: float) -> TargetLine:
         return _one(
             f"{found.version}: {what}, the worst flight", limit, max(FIGURES[what](flown) for flown in ours), ""
         )
 
-    def ratio(what: str, limit: float, name: str, every: slice = slice(None)) -> Line:
+    def ratio(what: str, limit: float, name: str, every: slice = slice(None)) -> TargetLine:
         spread = _ratio(FIGURES[what], ours[every], far[every])
-        return Line(f"{found.version}: {what}{name}", limit, spread, f"of {FAR}")
+        return TargetLine(f"{found.version}: {what}{name}", limit, spread, f"of {FAR}")
 
     yield ratio("widest from the line, m", 0.5, "")
     yield absolute("widest from the line, m", 0.3)
@@ -89,11 +89,11 @@ def of_autopilot(found: autopilots.Found) -> Iterator[Line]:
     yield worst("waited, s", 2.0)
 
 
-def _one(what: str, limit: float, figure: float, unit: str) -> Line:
-    return Line(what, limit, Spread.of([figure]), unit)
+def _one(what: str, limit: float, figure: float, unit: str) -> TargetLine:
+    return TargetLine(what, limit, Spread.of([figure]), unit)
 
 
-def _ratio(figure: Figure, ours: Sequence[Flown], far: Sequence[Flown]) -> Spread:
+def _ratio(figure: Figure, ours: Sequence[TrackedFlight], far: Sequence[TrackedFlight]) -> Spread:
     """Returns the ratio of the medians, and the smallest and largest ratio of flights with the same number."""
     of_ours, of_far = [figure(flown) for flown in ours], [figure(flown) for flown in far]
     pairs = [our / their for our, their in zip(of_ours, of_far, strict=True)]

@@ -20,7 +20,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks.tracker.autopilots import ARDUPILOT, PX4, Autopilot, RealUav
+from benchmarks.tracker.autopilots import ARDUPILOT, PX4, RealUav, TrackedAutopilot
 from benchmarks.tracker.truth import Truth
 from tests.backend_of import backend_of
 from tests.ual_daemon.tracker.craft import at_most
@@ -47,7 +47,7 @@ _GO_TO_M_S = 5.0
 
 
 @dataclass(frozen=True)
-class Case:
+class VelocityCase:
     """A velocity over time, and what is flown before. Its figures count from `since_s` on. `is_held`: a held position
     instead, for comparison.
     """
@@ -83,20 +83,20 @@ def _from(at: Pose, offset: Vector3) -> Pose:
     return Pose.at(here.x, here.y, here.z, at.yaw_rad)
 
 
-CASES: Mapping[str, Case] = {
-    "a held position": Case(_hold, lambda _: _STILL, is_held=True),
-    "velocity 0 after a hold": Case(_hold, lambda _: _STILL),
-    "1 m/s after a hold": Case(_hold, lambda _: _NORTH),
-    "3 m/s after a hold": Case(_hold, lambda _: _NORTH * 3.0),
-    "1 m/s across a go-to at 5 m/s": Case(_go_to, lambda _: _NORTH),
-    "1 m/s out of a path's corner": Case(_path, lambda _: _NORTH),
-    "1 m/s, a turn by 90 degrees": Case(_hold, _first(_EAST, _NORTH), _BEFORE_S),
-    "1 m/s, another direction each second": Case(_hold, lambda passed_s: _ROUND[int(passed_s) % 4]),
-    "a stop from 4 m/s": Case(_hold, _first(_EAST * _FAST_M_S, _STILL), _BEFORE_S),
+CASES: Mapping[str, VelocityCase] = {
+    "a held position": VelocityCase(_hold, lambda _: _STILL, is_held=True),
+    "velocity 0 after a hold": VelocityCase(_hold, lambda _: _STILL),
+    "1 m/s after a hold": VelocityCase(_hold, lambda _: _NORTH),
+    "3 m/s after a hold": VelocityCase(_hold, lambda _: _NORTH * 3.0),
+    "1 m/s across a go-to at 5 m/s": VelocityCase(_go_to, lambda _: _NORTH),
+    "1 m/s out of a path's corner": VelocityCase(_path, lambda _: _NORTH),
+    "1 m/s, a turn by 90 degrees": VelocityCase(_hold, _first(_EAST, _NORTH), _BEFORE_S),
+    "1 m/s, another direction each second": VelocityCase(_hold, lambda passed_s: _ROUND[int(passed_s) % 4]),
+    "a stop from 4 m/s": VelocityCase(_hold, _first(_EAST * _FAST_M_S, _STILL), _BEFORE_S),
 }
 
 
-class Seen(NamedTuple):
+class VelocityMoment(NamedTuple):
     """Positions `time_s` after the velocity began: estimated, true, and the one to which that velocity leads."""
 
     time_s: float
@@ -109,7 +109,7 @@ class Seen(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Figures:
+class VelocityFigures:
     """Errors of one run, in metres; `made` is the distance along the velocity as a part of the expected distance."""
 
     beside_m: float
@@ -118,14 +118,16 @@ class Figures:
     made: float
 
 
-def _figures(seen: Sequence[Seen], place: Callable[[Seen], Vector3]) -> Figures:
+def _figures(seen: Sequence[VelocityMoment], place: Callable[[VelocityMoment], Vector3]) -> VelocityFigures:
     """Returns the figures of the places that `place` picks, relative to where the first one should have been."""
     off = [place(each) - each.expected for each in seen]
     beside = [_across(seen_then.commanded, each) for seen_then, each in zip(seen, off, strict=True)]
     way, expected = place(seen[-1]) - place(seen[0]), seen[-1].expected - seen[0].expected
     ahead = seen[-1].commanded
     made = way.dot(ahead) / expected.dot(ahead) if ahead.norm() and abs(expected.dot(ahead)) > 1.0 else 1.0
-    return Figures(max(beside), max(abs(each.z) for each in off), max(each.horizontal_norm() for each in off), made)
+    return VelocityFigures(
+        max(beside), max(abs(each.z) for each in off), max(each.horizontal_norm() for each in off), made
+    )
 
 
 def _across(velocity: Vector3, off: Vector3) -> float:
@@ -134,7 +136,7 @@ def _across(velocity: Vector3, off: Vector3) -> float:
     return abs(off.y * velocity.x - off.x * velocity.y) / speed_m_s if speed_m_s else off.horizontal_norm()
 
 
-class Recorder:
+class VelocityRecorder:
     """Notes where the UAV is at each update while a velocity is flown."""
 
     def __init__(self, uav: RealUav, truth: Truth) -> None:
@@ -146,7 +148,7 @@ class Recorder:
         self._offset, self._begun_s, self._last_s = Vector3(), 0.0, 0.0
         self.commanded: Vector3 | None = None
         """Commanded velocity now; None while something else is flown."""
-        self.seen: list[Seen] = []
+        self.seen: list[VelocityMoment] = []
         uav.ual.vehicle.observe_setpoints(self._hear)
         uav.ual.subscribe(self._note)
 
@@ -168,7 +170,9 @@ class Recorder:
             self._begun_s, self._offset = now_s, true - here
             self._expected = self._begin(here)
         expected = self._advance(commanded, now_s)
-        self.seen.append(Seen(now_s - self._begun_s, commanded, here, true - self._offset, expected, velocity.linear))
+        self.seen.append(
+            VelocityMoment(now_s - self._begun_s, commanded, here, true - self._offset, expected, velocity.linear)
+        )
 
     def _begin(self, here: Vector3) -> tuple[ExpectedMotion, ExpectedMotion]:
         """The place begins with the motion of the reference before; the truth where the estimate is then."""
@@ -198,7 +202,7 @@ def _upright(vector: Vector3) -> Vector3:
     return Vector3(0.0, 0.0, vector.z)
 
 
-Found = Mapping[str, list[tuple[Figures, Figures]]]
+Found = Mapping[str, list[tuple[VelocityFigures, VelocityFigures]]]
 """By the case: the figures of each run by its estimate, and by the truth."""
 
 
@@ -221,13 +225,13 @@ def main() -> int:
     return 0
 
 
-def _fly(autopilot: Autopilot, cases: Sequence[str], runs: int, raw: Path | None) -> Found:
-    found: dict[str, list[tuple[Figures, Figures]]] = defaultdict(list)
+def _fly(autopilot: TrackedAutopilot, cases: Sequence[str], runs: int, raw: Path | None) -> Found:
+    found: dict[str, list[tuple[VelocityFigures, VelocityFigures]]] = defaultdict(list)
     truth = Truth()
     with autopilot.pilot() as pilot, RealUav(autopilot, Tracker.REFERENCE, truth) as uav:
         truth.listen(pilot)
         ground = uav.take_off(pilot)
-        recorder = Recorder(uav, truth)
+        recorder = VelocityRecorder(uav, truth)
         home = Pose.at(ground.position.x, ground.position.y, _HEIGHT_M, ground.yaw_rad)
         for number, name in itertools.product(range(1, runs + 1), cases):
             seen = _run(uav, recorder, CASES[name], home)
@@ -247,7 +251,7 @@ def _fly(autopilot: Autopilot, cases: Sequence[str], runs: int, raw: Path | None
     return found
 
 
-def _run(uav: RealUav, recorder: Recorder, case: Case, home: Pose) -> list[Seen]:
+def _run(uav: RealUav, recorder: VelocityRecorder, case: VelocityCase, home: Pose) -> list[VelocityMoment]:
     """Flies one run; flies it again where a busy computer has slowed the simulator or let the autopilot take over."""
     while True:
         try:
@@ -284,7 +288,7 @@ def _stream(
     uav: RealUav,
     velocity: Callable[[float], Vector3],
     duration_s: float,
-    recorder: Recorder | None = None,
+    recorder: VelocityRecorder | None = None,
     held: Pose | None = None,
 ) -> float:
     """Commands velocities, or a held pose. Returns the part of real time at which the simulator's passed."""
@@ -301,12 +305,12 @@ def _stream(
     return (uav.truth.boot_s - boot_s) / (time.monotonic() - begun_s)
 
 
-def _plain(seen: Seen) -> list[float]:
+def _plain(seen: VelocityMoment) -> list[float]:
     vectors = seen[1:]
     return [round(value, 3) for value in (seen.time_s, *(v for each in vectors for v in (each.x, each.y, each.z)))]
 
 
-def _short(figures: Figures) -> str:
+def _short(figures: VelocityFigures) -> str:
     return ", ".join(f"{name} {value:.2f}" for name, value in asdict(figures).items())
 
 

@@ -11,7 +11,7 @@ from tests.campaign.places import Origin
 from tests.campaign.record import Located, Place, Record, Sent, Text, Told, Value
 from tests.campaign.truth import note_home
 from ual_daemon.backends.mavlink.session.sequence import SequenceUnwrapper
-from ual_daemon.backends.mavlink.wire.frames import Frame, FrameReader
+from ual_daemon.backends.mavlink.wire.frames import FrameReader, MavlinkFrame
 from ual_daemon.backends.mavlink.wire.messages import Codec, CorruptFrameError, Message, mavlink
 
 _CURRENT_MODE, _EVENT = 436, 410
@@ -191,7 +191,7 @@ class Ears:
             self.record.estimate.append(Located(now_s, place))
 
 
-def _reads_a_file(frame: Frame) -> bool:
+def _reads_a_file(frame: MavlinkFrame) -> bool:
     is_transfer = frame.message_id == mavlink.MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL
     return is_transfer and frame.payload.ljust(_FTP_OPCODE_AT + 1, b"\0")[_FTP_OPCODE_AT] in _READING
 

@@ -89,12 +89,12 @@ def _half_way() -> None:
     def is_up(manoeuvre: Any, _now_s: float, climbed_m: float, *_: object) -> bool:
         return climbed_m > float(manoeuvre._height_m) / 3.0
 
-    _changed("ual_daemon.flight.manoeuvres.take_off:TakeOff", "_has_arrived", lambda _: is_up)
+    _changed("ual_daemon.flight.manoeuvres.take_off:TakeOffManoeuvre", "_has_arrived", lambda _: is_up)
 
 
 def _unfenced() -> None:
     """Knows no fence of its own."""
-    fence = "ual_daemon.flight.policy.geofence:Geofence"
+    fence = "ual_daemon.flight.policy.geofence:GeofencePolicy"
     for name in ("admit", "require_goal_inside", "require_inside", "require_straight_to", "require_velocity"):
         _always(fence, name, None)()
     _always(fence, "is_free", value=True)()

@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 from benchmarks.children import ChildError
-from benchmarks.soak.readings import Measured, Reading, Verdict, judge, read
+from benchmarks.soak.readings import FlatnessVerdict, MeasuredProcess, ProcessReading, judge, read
 
 PERIOD_S = 5.0
 
@@ -17,14 +17,14 @@ PERIOD_S = 5.0
 class SoakWatch:
     """Reads the process every few seconds, to `path`."""
 
-    def __init__(self, process: Measured, path: Path) -> None:
+    def __init__(self, process: MeasuredProcess, path: Path) -> None:
         self._process, self._path = process, path
-        self._readings: list[Reading] = []
+        self._readings: list[ProcessReading] = []
         self._closed = threading.Event()
         self._thread = threading.Thread(target=self._run, name="soak", daemon=True)
         self._thread.start()
 
-    def close(self) -> Verdict:
+    def close(self) -> FlatnessVerdict:
         """Ends it, and judges what was read."""
         self._closed.set()
         self._thread.join()
@@ -34,7 +34,7 @@ class SoakWatch:
         began_s = time.monotonic()
         with self._path.open("w", newline="") as file:
             writer = csv.writer(file)
-            writer.writerow(Reading._fields)
+            writer.writerow(ProcessReading._fields)
             while True:
                 with contextlib.suppress(ChildError):  # a fault has killed it; another comes
                     self._readings.append(read(self._process, time.monotonic() - began_s))

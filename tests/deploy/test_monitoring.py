@@ -23,7 +23,7 @@ from tests.ports import free_port
 from tests.waiting import until
 from ual.simulation import LinkLost
 from ual.types import State
-from ual_daemon.program.metrics.catalogue import CATALOGUE, Sample
+from ual_daemon.program.metrics.catalogue import CATALOGUE, MetricSample
 from ual_daemon.program.metrics.exporter import Exporter
 from ual_daemon.server.addresses import Address
 
@@ -221,23 +221,23 @@ def prometheus(target: str, directory: Path) -> Iterator[Prometheus]:
         process.wait(LIMIT_S)
 
 
-def everything() -> Iterator[Sample]:
+def everything() -> Iterator[MetricSample]:
     """A value of each metric, as of one flying UAV."""
     labels = {"ual_tasks_running": {"kind": "land"}, "ual_streams": {"method": "StreamTelemetry"}}
     for name, metric in CATALOGUE.items():
         of = {"process": "uav_1"} if re.match("ual_(build|process|recorder)", name) else {"ns": "uav_1"}
         of |= labels.get(name, {})
         if metric.kind in ("histogram", "summary"):
-            yield Sample(name, "_count", of, 5.0)
-            yield Sample(name, "_sum", of, 0.5)
+            yield MetricSample(name, "_count", of, 5.0)
+            yield MetricSample(name, "_sum", of, 0.5)
         else:
             suffix = {"counter": "_total", "info": "_info"}.get(metric.kind, "")
             if name != "ual_state":
-                yield Sample(name, suffix, of, 1.0)
+                yield MetricSample(name, suffix, of, 1.0)
     for le in ("0.05", "0.5", "+Inf"):
-        yield Sample("ual_setpoint_lateness_seconds", "_bucket", {"ns": "uav_1", "le": le}, 5.0)
+        yield MetricSample("ual_setpoint_lateness_seconds", "_bucket", {"ns": "uav_1", "le": le}, 5.0)
     for state in State:
-        yield Sample("ual_state", "", {"ns": "uav_1", "state": state.name}, float(state is State.FLYING_AUTO))
+        yield MetricSample("ual_state", "", {"ns": "uav_1", "state": state.name}, float(state is State.FLYING_AUTO))
 
 
 @pytest.mark.slow

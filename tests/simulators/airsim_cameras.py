@@ -13,7 +13,7 @@ from tests.simulators.airsim import Vehicle, vector
 from ual.cameras import CameraIntrinsics
 from ual.geometry import Pose, Quaternion, Vector3
 from ual_daemon.backends.light import painting, png
-from ual_daemon.backends.light.scene import Scene
+from ual_daemon.backends.light.scene import PaintedScene
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -125,7 +125,7 @@ class AirsimCameras:
 
     def _render(self, request: dict[str, Any], camera: Pose, width: int, height: int) -> tuple[bytes, list[float]]:
         """Renders the ground as a light UAV's camera sees it."""
-        kind, scene = request["image_type"], Scene(0.0)
+        kind, scene = request["image_type"], PaintedScene(0.0)
         focal_px = max(width, height) / 2.0 / math.tan(math.radians(self.view_deg) / 2.0)
         view = CameraIntrinsics(width, height, focal_px, focal_px, (width - 1) / 2.0, (height - 1) / 2.0)
         if request["pixels_as_float"]:

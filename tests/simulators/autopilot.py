@@ -25,7 +25,7 @@ from tests.simulators.satellite_receiver import SatelliteReceiver
 from tests.simulators.trigger import Trigger
 from ual.geometry import Vector3
 from ual_daemon.backends.firmwares.mission_items import MissionItem
-from ual_daemon.backends.mavlink.wire.frames import Frame
+from ual_daemon.backends.mavlink.wire.frames import MavlinkFrame
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.geodesy import Projection
 
@@ -452,7 +452,7 @@ class Autopilot(ABC):
             self.sticks = Sticks(message.x / 1000.0, message.y / 1000.0, message.z / 500.0 - 1.0, message.r / 1000.0)
             self.sticks_s = self.now_s
 
-    def _take(self, channel: Channel, frame: Frame, message: Message) -> None:
+    def _take(self, channel: Channel, frame: MavlinkFrame, message: Message) -> None:
         handler = self._handlers.get(frame.message_id)
         target = getattr(message, "target_system", 0), getattr(message, "target_component", 0)
         if channel.forwards and (frame.message_id in (0, 69) or target[0] not in (0, self.system_id)):

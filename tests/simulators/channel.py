@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 
 from tests.simulators.ports import Port
-from ual_daemon.backends.mavlink.wire.frames import Frame, FrameReader
+from ual_daemon.backends.mavlink.wire.frames import FrameReader, MavlinkFrame
 from ual_daemon.backends.mavlink.wire.messages import Codec, CorruptFrameError, Message, mavlink
 
 _GROUND_STATION_S = 5.0
@@ -50,7 +50,7 @@ class Channel:
         """Sends as another system from now on."""
         self._codec.join(system_id)
 
-    def receive(self, now_s: float) -> list[tuple[Frame, Message]]:
+    def receive(self, now_s: float) -> list[tuple[MavlinkFrame, Message]]:
         """Returns the messages that have come, from any sender."""
         found = []
         for data in self.port.receive(now_s):

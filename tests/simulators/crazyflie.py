@@ -17,7 +17,7 @@ from enum import Enum
 from tests.simulators.physics import ZERO, Agility, Body, Target, Vector, control
 from tests.simulators.ports import Port
 from ual.geometry import Quaternion
-from ual_daemon.backends.crazyflie.packets import Packet, compress, decompress
+from ual_daemon.backends.crazyflie.packets import CrtpPacket, compress, decompress
 
 STEP_S = 0.01
 LEVEL_OUT_S, STOP_S = 0.5, 2.0
@@ -123,7 +123,7 @@ class Crazyflie:
         self.is_silent = False
         """Whether nothing comes through, either way."""
         self.elapsed_s = 0.0
-        self.received: list[tuple[float, Packet]] = []
+        self.received: list[tuple[float, CrtpPacket]] = []
         """All packets for it, with their times."""
         self.external_poses: list[tuple[Vector, Quaternion]] = []
         self.logged: dict[str, tuple[str, Callable[[], float]]] = self._variables()
@@ -283,10 +283,10 @@ class Crazyflie:
 
     def _send(self, port: int, channel: int, data: bytes) -> None:
         if not self.is_silent:
-            self.port.send(Packet(port, channel, data).encode(), self.elapsed_s)
+            self.port.send(CrtpPacket(port, channel, data).encode(), self.elapsed_s)
 
     def _take(self, raw: bytes) -> None:
-        packet = Packet.decode(raw)
+        packet = CrtpPacket.decode(raw)
         if self.is_silent or packet is None or packet.port in self.ignored:
             return
         self.received.append((self.elapsed_s, packet))

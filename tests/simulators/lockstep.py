@@ -18,8 +18,8 @@ from ual.interface import Simulation
 from ual_daemon.backends.base import BackendOptions, UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.mavlink.backend import MavlinkBackend
-from ual_daemon.backends.mavlink.links import Address, Connection
-from ual_daemon.backends.mavlink.links.base import Chunk, Link
+from ual_daemon.backends.mavlink.links import Address, LinkConnection
+from ual_daemon.backends.mavlink.links.base import Chunk, MavlinkLink
 
 SPEED = 6.0
 POSE_RATE_HZ = 25.0
@@ -82,7 +82,7 @@ class _Clock(MonotonicClock):
         return _BEGIN_UTC_S + self._autopilot.elapsed_s
 
 
-class _Connection(Connection):
+class _Connection(LinkConnection):
     """Advances the autopilot's time instead of waiting, at most `speed` times as fast as real time."""
 
     def __init__(self, autopilot: Autopilot, port: MemoryPort, speed: float) -> None:
@@ -104,7 +104,7 @@ class _Connection(Connection):
         self._port.sent.clear()
 
 
-class MemoryLink(Link):
+class MemoryLink(MavlinkLink):
     """The link to the autopilot, in memory."""
 
     is_stream = False

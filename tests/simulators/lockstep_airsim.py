@@ -10,17 +10,17 @@ from typing_extensions import override
 from tests.simulators.airsim import STEP_S, Vehicle
 from tests.simulators.airsim_server import AirsimServer
 from ual_daemon.backends.airsim import AirsimBackend
-from ual_daemon.backends.airsim.rpc import Connection
-from ual_daemon.backends.airsim.settings import Address
+from ual_daemon.backends.airsim.rpc import RpcConnection
+from ual_daemon.backends.airsim.settings import AirsimAddress
 from ual_daemon.backends.base import BackendOptions
 
 _LOOK_S = 0.005
 
 
-class SteppedConnection(Connection):
+class SteppedConnection(RpcConnection):
     """Waits for an answer as long as the server needs for it. While the server is silent, time passes instead."""
 
-    def __init__(self, address: Address, server: AirsimServer) -> None:
+    def __init__(self, address: AirsimAddress, server: AirsimServer) -> None:
         super().__init__(address)
         self._server = server
 
@@ -43,7 +43,7 @@ class LockstepAirsim(AirsimBackend):
         self._mailbox.put = self._sender.send  # type: ignore[method-assign]  # at its moment, and not when a thread runs
 
     @override
-    def _connect(self, address: Address) -> Connection:
+    def _connect(self, address: AirsimAddress) -> RpcConnection:
         return SteppedConnection(address, self._server)
 
     @override

@@ -15,8 +15,8 @@ from tests.simulators.ports import MemoryPort
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.crazyflie.backend import CrazyflieBackend
-from ual_daemon.backends.crazyflie.links import Link
-from ual_daemon.backends.crazyflie.packets import Packet
+from ual_daemon.backends.crazyflie.links import CrtpLink
+from ual_daemon.backends.crazyflie.packets import CrtpPacket
 
 SPEED = 10.0
 _BEGIN_UTC_S = 1.8e9
@@ -39,11 +39,11 @@ class LockstepCrazyflie(CrazyflieBackend):
         self.clock = _Clock(self.crazyflie)
 
     @override
-    def _make_link(self) -> Link:
+    def _make_link(self) -> CrtpLink:
         return SteppedLink(self.crazyflie, self.port, self._speed)
 
 
-class SteppedLink(Link):
+class SteppedLink(CrtpLink):
     """Advances the Crazyflie's time instead of waiting, at most `speed` times as fast as real time."""
 
     def __init__(self, crazyflie: Crazyflie, port: MemoryPort, speed: float) -> None:
@@ -61,13 +61,13 @@ class SteppedLink(Link):
         """It is never closed."""
 
     @override
-    def receive(self, timeout_s: float) -> list[Packet]:
+    def receive(self, timeout_s: float) -> list[CrtpPacket]:
         self._pace.wait()
         self._crazyflie.step()
         return _taken(self._port.sent)
 
     @override
-    def send(self, packet: Packet) -> None:
+    def send(self, packet: CrtpPacket) -> None:
         self._port.arriving.append(packet.encode())
 
 
@@ -86,6 +86,6 @@ class _Clock(MonotonicClock):
         return _BEGIN_UTC_S + self._crazyflie.elapsed_s
 
 
-def _taken(sent: deque[tuple[float, bytes]]) -> list[Packet]:
-    found = (Packet.decode(sent.popleft()[1]) for _ in range(len(sent)))
+def _taken(sent: deque[tuple[float, bytes]]) -> list[CrtpPacket]:
+    found = (CrtpPacket.decode(sent.popleft()[1]) for _ in range(len(sent)))
     return [packet for packet in found if packet is not None]

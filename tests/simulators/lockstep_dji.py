@@ -22,7 +22,7 @@ from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.dji.backend import DjiBackend
 from ual_daemon.backends.rosbridge import RosbridgeLink
 from ual_daemon.backends.rosbridge.url import BridgeUrl
-from ual_daemon.backends.rosbridge.websocket import Transport
+from ual_daemon.backends.rosbridge.websocket import BridgeTransport
 
 SPEED = 6.0
 _BEGIN_UTC_S = 1.8e9
@@ -67,7 +67,7 @@ class LockstepDji(DjiBackend):
         self.clock = _Clock(self.bridge)
         return RosbridgeLink(self._url, self.clock, self._step, self._connect, self._woke)
 
-    def _connect(self, _: BridgeUrl, __: Callable[[], None]) -> Transport:
+    def _connect(self, _: BridgeUrl, __: Callable[[], None]) -> BridgeTransport:
         return MemoryTransport(self.bridge, self._advance, self.lock, lambda: self.is_socket_full)
 
     def _advance(self) -> None:

@@ -22,7 +22,7 @@ from ual_daemon.backends.base import BackendOptions, UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.mavros.backend import MavrosBackend
 from ual_daemon.backends.rosbridge import BridgeUrl, RosbridgeLink
-from ual_daemon.backends.rosbridge.websocket import Transport
+from ual_daemon.backends.rosbridge.websocket import BridgeTransport
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.state import estimate
 
@@ -69,7 +69,7 @@ class LockstepMavros(MavrosBackend):
     def _make_link(self) -> RosbridgeLink:
         return RosbridgeLink(self.url, self.clock, self._step, self._dial, self._woke)
 
-    def _dial(self, url: BridgeUrl, on_wait: Callable[[], None]) -> Transport:
+    def _dial(self, url: BridgeUrl, on_wait: Callable[[], None]) -> BridgeTransport:
         while self.is_bridge_gone:
             self.advance()
             on_wait()

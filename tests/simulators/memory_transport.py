@@ -9,12 +9,12 @@ from contextlib import AbstractContextManager
 from typing_extensions import override
 
 from tests.simulators.rosbridge import Bridge
-from ual_daemon.backends.rosbridge.websocket import Transport
+from ual_daemon.backends.rosbridge.websocket import BridgeTransport
 
 _NO_LOCK: AbstractContextManager[object] = contextlib.nullcontext()
 
 
-class MemoryTransport(Transport):
+class MemoryTransport(BridgeTransport):
     """Advances the time instead of waiting; without a time to wait, it takes what has come."""
 
     def __init__(

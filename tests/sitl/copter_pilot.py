@@ -8,7 +8,7 @@ import time
 from collections.abc import Sequence
 
 from tests.sitl.transmitter import PATIENCE_S, Transmitter
-from ual_daemon.backends.mavlink.wire.frames import Frame, FrameReader
+from ual_daemon.backends.mavlink.wire.frames import FrameReader, MavlinkFrame
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
 GROUND_STATION_ID = 254
@@ -90,7 +90,7 @@ class CopterPilot(Transmitter):
     def _send(self, data: bytes) -> None:
         self._link.sendall(data)
 
-    def _frames(self, data: bytes) -> Sequence[Frame]:
+    def _frames(self, data: bytes) -> Sequence[MavlinkFrame]:
         return self._reader.feed(data)
 
     def _take(self, message: Message) -> None:

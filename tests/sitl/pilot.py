@@ -6,7 +6,7 @@ import socket
 from collections.abc import Sequence
 
 from tests.sitl.transmitter import Transmitter
-from ual_daemon.backends.mavlink.wire.frames import Frame, split
+from ual_daemon.backends.mavlink.wire.frames import MavlinkFrame, split
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 GROUND_STATION_ID = 255
@@ -72,5 +72,5 @@ class SafetyPilot(Transmitter):
     def _send(self, data: bytes) -> None:
         self._link.sendto(data, self._address)
 
-    def _frames(self, data: bytes) -> Sequence[Frame]:
+    def _frames(self, data: bytes) -> Sequence[MavlinkFrame]:
         return split(data)[0]

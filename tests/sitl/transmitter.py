@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from tests.waiting import until
-from ual_daemon.backends.mavlink.wire.frames import Frame
+from ual_daemon.backends.mavlink.wire.frames import MavlinkFrame
 from ual_daemon.backends.mavlink.wire.messages import Codec, CorruptFrameError, Message, mavlink
 
 PATIENCE_S = 90.0
@@ -183,7 +183,7 @@ class Transmitter(ABC):
         """Sends to the autopilot."""
 
     @abstractmethod
-    def _frames(self, data: bytes) -> Sequence[Frame]:
+    def _frames(self, data: bytes) -> Sequence[MavlinkFrame]:
         """The frames in what was received."""
 
     @abstractmethod

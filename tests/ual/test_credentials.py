@@ -19,7 +19,7 @@ from ual.v1 import ual_pb2, ual_pb2_grpc
 from ual_tools.access import certificates
 from ual_tools.app import UalGroup, command
 from ual_tools.main import cli
-from ual_tools.session import Session, pass_session
+from ual_tools.session import CommandSession, pass_session
 
 
 @pytest.fixture(autouse=True)
@@ -125,7 +125,7 @@ def test_the_command_shows_all_that_the_environment_has(
 
     @command("shown")
     @pass_session
-    def show(session: Session) -> None:
+    def show(session: CommandSession) -> None:
         shown.append(session.credentials)
 
     group = UalGroup(commands={"shown": show})

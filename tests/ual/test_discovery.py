@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from ual import discovery
-from ual._target import Target
+from ual._target import DaemonTarget
 from ual.discovery import Registration
 from ual.errors import InvalidArgumentError
 
@@ -176,7 +176,7 @@ def test_one_of_several_must_be_named() -> None:
 
 
 def test_a_target_follows_a_daemon_that_moves() -> None:
-    target = Target("uav_5", None, None)
+    target = DaemonTarget("uav_5", None, None)
     assert target.address() == "127.0.0.1:50055"
     register("uav_5", "127.0.0.1:7001")
     assert target.address() == "127.0.0.1:7001"
@@ -185,7 +185,7 @@ def test_a_target_follows_a_daemon_that_moves() -> None:
 
 
 def test_a_target_expects_a_daemon_that_is_gone_where_it_was() -> None:
-    target = Target("uav_5", None, None)
+    target = DaemonTarget("uav_5", None, None)
     register("uav_5", "127.0.0.1:7001")
     assert target.address() == "127.0.0.1:7001"
     discovery.registry_file("uav_5").unlink()
@@ -193,7 +193,7 @@ def test_a_target_expects_a_daemon_that_is_gone_where_it_was() -> None:
 
 
 def test_a_target_without_a_name_becomes_that_of_the_only_daemon() -> None:
-    target = Target(None, None, None)
+    target = DaemonTarget(None, None, None)
     assert target.address() == "127.0.0.1:50051"
     assert not target.metadata
     register("uav_6", "127.0.0.1:7006")
@@ -207,26 +207,26 @@ def test_an_address_wins_over_the_environment_and_that_over_the_registry(monkeyp
     register("uav_1", "127.0.0.1:7001")
     monkeypatch.setenv("UAL_ADDRESS", "drone:50051")
     monkeypatch.setenv("UAL_NS", "uav_8")
-    assert Target(None, None, None).address() == "drone:50051"
-    assert Target(None, None, None).ns == "uav_8"
-    assert Target("uav_1", "other:1", None).address() == "other:1"
-    assert Target("uav_1", "other:1", None).metadata == (("ual-ns", "uav_1"),)
+    assert DaemonTarget(None, None, None).address() == "drone:50051"
+    assert DaemonTarget(None, None, None).ns == "uav_8"
+    assert DaemonTarget("uav_1", "other:1", None).address() == "other:1"
+    assert DaemonTarget("uav_1", "other:1", None).metadata == (("ual-ns", "uav_1"),)
 
 
 @pytest.mark.parametrize("address", ["rubbish", "host:", "host:x", ":50051", "unix:", "host:123456", "http://host:1"])
 def test_an_address_that_is_none_is_refused(address: str) -> None:
     with pytest.raises(InvalidArgumentError, match="HOST:PORT or unix:PATH"):
-        Target("uav_1", address, None)
+        DaemonTarget("uav_1", address, None)
 
 
 @pytest.mark.parametrize("address", ["host:1", "10.0.0.1:50051", "[::1]:50051", "unix:/run/x.sock", "unix:x.sock"])
 def test_an_address_is_taken_as_it_is(address: str) -> None:
-    assert Target("uav_1", address, None).address() == address
+    assert DaemonTarget("uav_1", address, None).address() == address
 
 
 def test_a_certificate_file_that_is_not_there_is_named(tmp_path: Path) -> None:
     with pytest.raises(InvalidArgumentError, match=r"tls_ca: cannot read .*ca\.pem: No such file"):
-        Target("uav_1", None, tmp_path / "ca.pem")
+        DaemonTarget("uav_1", None, tmp_path / "ca.pem")
 
 
 def test_a_registration_is_one_json_object() -> None:

@@ -14,7 +14,7 @@ from tests.waiting import LIMIT_S
 from ual import _calls, _direct, _setpoints
 from ual._connection import Connection
 from ual._setpoints import STALE_S, Setpoints, _Stream
-from ual._target import Target
+from ual._target import DaemonTarget
 from ual.errors import InvalidArgumentError, WrongStateError
 from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
 from ual.v1 import ual_pb2 as pb
@@ -47,7 +47,7 @@ def setpoints(
 ) -> Iterator[Setpoints]:
     if request.param == "by iterator":  # a gRPC that lets us not
         monkeypatch.setattr(_direct, "sender", lambda _: None)
-    connection = Connection(Target("uav_1", daemon.address, None))
+    connection = Connection(DaemonTarget("uav_1", daemon.address, None))
     setpoints = Setpoints(connection, clock)
     yield setpoints
     setpoints.settle()
@@ -209,7 +209,7 @@ def test_after_ctrl_c_amid_a_setpoint_those_that_follow_arrive(
 def test_after_ctrl_c_within_grpc_a_call_goes_over_a_new_channel(
     daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    connection = Connection(Target("uav_1", daemon.address, None))
+    connection = Connection(DaemonTarget("uav_1", daemon.address, None))
     connection.run(_calls.single_setpoint(forward(1.0)))
     first = connection._route
     assert first is not None
@@ -274,7 +274,7 @@ class IteratedCall(Call):
 
 def opened(clock: HandClock, call: Call, monkeypatch: pytest.MonkeyPatch) -> _Stream:
     monkeypatch.setattr("grpc._cython.cygrpc.SendMessageOperation", lambda message, _: message)
-    connection = Connection(Target("uav_1", "127.0.0.1:1", None))
+    connection = Connection(DaemonTarget("uav_1", "127.0.0.1:1", None))
     monkeypatch.setattr(connection, "stream", lambda *_: call)
     stream = _Stream(connection, lambda _, __: None, clock)
     stream.open()
@@ -391,7 +391,7 @@ def test_nothing_is_begun_in_a_call_that_has_ended(clock: HandClock, monkeypatch
 
 def test_streams_that_end_while_setpoints_are_sent_do_not_hold_up_the_end_of_the_client(daemon: FakeDaemon) -> None:
     for _ in range(30):
-        connection = Connection(Target("uav_1", daemon.address, None))
+        connection = Connection(DaemonTarget("uav_1", daemon.address, None))
         setpoints = Setpoints(connection)
         daemon.refusal = None
         setpoints.send(forward(1.0))

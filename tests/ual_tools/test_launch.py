@@ -25,10 +25,10 @@ from ual.types import State, Telemetry
 from ual_daemon.flight import explanation
 from ual_tools.launch.descendants import all_below
 from ual_tools.launch.flying import SENDS_NOTHING, Watched
-from ual_tools.launch.log import Log
+from ual_tools.launch.log import TeamLog
 from ual_tools.launch.run import ONE_PRESS_S, Presses
 from ual_tools.launch.supervisor import Supervisor
-from ual_tools.launch.team import Condition, Program, Ready, Restart
+from ual_tools.launch.team import Program, Ready, ReadyCondition, Restart
 
 UAVS = """\
 uavs:
@@ -358,7 +358,7 @@ def test_the_reason_by_which_a_flight_is_not_ours_is_the_daemons() -> None:
         assert SENDS_NOTHING in reason
 
 
-class Heard(Log):
+class Heard(TeamLog):
     """The lines of a log."""
 
     def __init__(self) -> None:
@@ -411,11 +411,11 @@ def test_a_program_is_ready_when_its_port_is_open() -> None:
             bound.listen()
             await stop(supervisor, log)
 
-        supervised("echo up; sleep 1000", listen_then_stop, ready=Ready(Condition.PORT, address))
+        supervised("echo up; sleep 1000", listen_then_stop, ready=Ready(ReadyCondition.PORT, address))
 
 
 def test_a_program_that_is_not_ready_in_time_is_ended() -> None:
-    supervisor, lines = supervised("sleep 1000", nothing, ready=Ready(Condition.LOG, "up"), ready_limit_s=0.1)
+    supervisor, lines = supervised("sleep 1000", nothing, ready=Ready(ReadyCondition.LOG, "up"), ready_limit_s=0.1)
     assert "sh: not ready after 0.1 s, ended" in lines
     assert "before it was ready" in supervisor.failure
     assert not supervisor.ready.is_set()
@@ -429,7 +429,7 @@ def test_a_program_that_cannot_be_found_is_said() -> None:
 def test_a_program_that_dies_again_and_again_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ual_tools.launch.supervisor._PAUSES_S", (0.0, 0.01))
     supervisor, lines = supervised(
-        "echo up; exit 4", nothing, ready=Ready(Condition.LOG, "up"), restart=Restart.ON_FAILURE
+        "echo up; exit 4", nothing, ready=Ready(ReadyCondition.LOG, "up"), restart=Restart.ON_FAILURE
     )
     assert lines.count("sh: up") == 3
     assert "sh: starts again in 0.01 s" in lines
@@ -441,40 +441,40 @@ def test_an_end_that_is_well_is_followed_by_a_start_only_where_that_is_said(
     monkeypatch: pytest.MonkeyPatch, restart: Restart, count: int
 ) -> None:
     monkeypatch.setattr("ual_tools.launch.supervisor._PAUSES_S", (0.0, 0.01))
-    _, lines = supervised("echo up", nothing, ready=Ready(Condition.LOG, "up"), restart=restart)
+    _, lines = supervised("echo up", nothing, ready=Ready(ReadyCondition.LOG, "up"), restart=restart)
     assert lines.count("sh: up") == count
 
 
 def test_what_does_not_end_is_killed_after_its_limit(tmp_path: Path) -> None:
     script = "trap '' TERM; echo $$ > pid; echo up; while :; do sleep 1000; done"
-    _, lines = supervised(script, stop, cwd=tmp_path, ready=Ready(Condition.LOG, "up"), stop_limit_s=0.1)
+    _, lines = supervised(script, stop, cwd=tmp_path, ready=Ready(ReadyCondition.LOG, "up"), stop_limit_s=0.1)
     assert "sh: killed, because it did not end in 0.1 s" in lines
     assert not runs(int((tmp_path / "pid").read_text()))
 
 
 def test_a_program_is_ended_by_its_own_signal() -> None:
     script = "trap 'echo interrupted; exit 0' INT; echo up; while :; do sleep 0.01; done"
-    _, lines = supervised(script, stop, ready=Ready(Condition.LOG, "up"), stop_signal=signal.SIGINT)
+    _, lines = supervised(script, stop, ready=Ready(ReadyCondition.LOG, "up"), stop_signal=signal.SIGINT)
     assert "sh: interrupted" in lines
 
 
 def test_a_daemon_that_has_to_leave_its_uav_in_motion_is_a_failure(runtime_dir: Path) -> None:
     del runtime_dir
     script = "trap 'exit 3' TERM; echo up; while :; do sleep 0.01; done"
-    supervisor, lines = supervised(script, stop, ns="uav_9", ready=Ready(Condition.LOG, "up"))
+    supervisor, lines = supervised(script, stop, ns="uav_9", ready=Ready(ReadyCondition.LOG, "up"))
     assert supervisor.failure == "ended (exit status 3)"
     assert lines[-1] == "sh: ended (exit status 3)"
 
 
 def test_its_output_can_go_into_a_file(tmp_path: Path) -> None:
     file = tmp_path / "sh.log"
-    _, lines = supervised("echo up; sleep 1000", stop, ready=Ready(Condition.LOG, "up"), log_file=file)
+    _, lines = supervised("echo up; sleep 1000", stop, ready=Ready(ReadyCondition.LOG, "up"), log_file=file)
     assert file.read_text() == "up\n"
     assert "sh: up" not in lines
 
 
 def test_lines_come_without_what_a_terminal_obeys(capsys: pytest.CaptureFixture[str]) -> None:
-    with Log(["px4"]) as log:
+    with TeamLog(["px4"]) as log:
         log.line("px4", "\x1b[31mred\x1b[0m \x1b]0;title\x07 \x1b[2J end\r")
     assert capsys.readouterr().out == "px4    red   end\n"
 
@@ -484,7 +484,7 @@ def test_a_pipe_that_is_closed_ends_nothing(monkeypatch: pytest.MonkeyPatch) -> 
     os.close(read)
     with os.fdopen(write, "w") as closed:
         monkeypatch.setattr("sys.stdout", closed)
-        with Log(["px4"]) as log:
+        with TeamLog(["px4"]) as log:
             for _ in range(3):
                 log.line("px4", "up")
                 log.state("px4", "ready")
@@ -496,7 +496,7 @@ def test_a_log_that_nobody_reads_delays_nothing(monkeypatch: pytest.MonkeyPatch)
     read, write = os.pipe()
     with os.fdopen(write, "w") as full:
         monkeypatch.setattr("sys.stdout", full)
-        with Log(["px4"]) as log:
+        with TeamLog(["px4"]) as log:
             for _ in range(1000):
                 log.line("px4", "x" * 1000)  # more than the pipe takes
             with os.fdopen(read) as reader:

@@ -21,7 +21,7 @@ from ual_tools.launch import team_file
 from ual_tools.launch.boot import landing_of
 from ual_tools.launch.flying import SENDS_NOTHING
 from ual_tools.launch.systemd import HARDENING
-from ual_tools.launch.team import AtEnd, Condition, Ready, Restart
+from ual_tools.launch.team import AtEnd, Ready, ReadyCondition, Restart
 from ual_tools.launch.team_file import load
 from ual_tools.main import cli
 from ual_tools.output import to_json
@@ -111,10 +111,10 @@ def test_a_file_is_a_team(file: Path) -> None:
         "mission": ("uav_3", "uav_4", "boat"),
         "viewer": ("mission",),
     }
-    assert by_name["world"].ready == Ready(Condition.PORT, "127.0.0.1:5760")
+    assert by_name["world"].ready == Ready(ReadyCondition.PORT, "127.0.0.1:5760")
     assert by_name["px4-4"].argv == ("px4", "-i", "4", "--model", "iris", "--grpc", "50054")
     assert by_name["px4-4"].env == {"PX4_ID": "4"}
-    assert by_name["px4-4"].ready == Ready(Condition.FILE, str(file.parent / "px4-4.ready"))
+    assert by_name["px4-4"].ready == Ready(ReadyCondition.FILE, str(file.parent / "px4-4.ready"))
     assert by_name["uav_4"].argv[1:] == (
         *("--ns", "uav_4", "--backend", "mavlink", "--url", "udpin://127.0.0.1:14543"),
         *("--set", "home_pose=[0, 2, 0]", "--set", "allow_arming=true"),

@@ -21,9 +21,9 @@ from tests.waiting import until
 from ual.simulation import BatteryLow
 from ual.types import State
 from ual_tools import condition, start
-from ual_tools.condition import Level
+from ual_tools.condition import Urgency
 from ual_tools.main import cli
-from ual_tools.session import Session
+from ual_tools.session import CommandSession
 from ual_tools.start import Time, parsed
 
 TEAM = ("uav_1", "uav_2", "uav_3")
@@ -102,7 +102,7 @@ def test_the_worst_comes_first_in_each_list_with_its_battery(fleet: DaemonProces
     del fleet
     with ual.Uav("uav_3") as uav:
         uav.simulation.begin_fault(BatteryLow(9.0))
-        until(lambda: condition.of_telemetry(uav.telemetry()).level is Level.ALARM)
+        until(lambda: condition.of_telemetry(uav.telemetry()).level is Urgency.ALARM)
     rows = [line.split("\t") for line in run("list").stdout.splitlines()]
     assert [row[0] for row in rows] == ["uav_3", "uav_1", "uav_2"]
     assert rows[0][5].endswith(" % CRITICAL")
@@ -281,14 +281,14 @@ def test_where_one_ends_before_it_begins_the_others_do_not_wait_for_it(
     fleet: DaemonProcess, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     del fleet
-    connect = Session.connect
+    connect = CommandSession.connect
 
-    def connect_or_fail(session: Session) -> ual.Uav:
+    def connect_or_fail(session: CommandSession) -> ual.Uav:
         if session.ns == "uav_2":
             raise ZeroDivisionError
         return connect(session)
 
-    monkeypatch.setattr(Session, "connect", connect_or_fail)
+    monkeypatch.setattr(CommandSession, "connect", connect_or_fail)
     result = run("--all", "takeoff", "3")
     assert isinstance(result.exception, ZeroDivisionError)
     assert result.stderr.count("nothing was sent") == 2

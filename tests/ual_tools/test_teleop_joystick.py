@@ -23,7 +23,7 @@ from ual_tools.teleop.actions import Action
 from ual_tools.teleop.joystick import JoystickControls
 from ual_tools.teleop.layout import Layout
 from ual_tools.teleop.pilot import Pilot
-from ual_tools.teleop.vehicle import Vehicle
+from ual_tools.teleop.vehicle import TeleopVehicle
 
 require_pygame()
 
@@ -168,7 +168,7 @@ def test_a_light_uav_is_flown_and_stands_after_the_cable_was_pulled(
         uav.wait_for(State.LANDED_ARMED, timeout_s=LIMIT_S)
         uav.take_off(2.0)
         device = connect()
-        vehicle = Vehicle(ual.Uav(daemon.ns), daemon.ns)
+        vehicle = TeleopVehicle(ual.Uav(daemon.ns), daemon.ns)
         vehicle.open()
         controls, pilot = JoystickControls(joysticks, joysticks.find(), Layout()), Pilot([vehicle], 2.0)
 

@@ -14,7 +14,7 @@ from ual_tools.teleop import smoothing, speeds
 from ual_tools.teleop.actions import CONFIRMED, Action
 from ual_tools.teleop.echo import Echo
 from ual_tools.teleop.keyboard import CONFIRM_S, Decoder, Keys, Menu, Steps
-from ual_tools.teleop.smoothing import Axis
+from ual_tools.teleop.smoothing import SmoothedAxis
 from ual_tools.teleop.stepper import BEGIN, REPEAT_S, Stepper
 from ual_tools.teleop.sticks import CENTRED, Sticks
 
@@ -35,7 +35,7 @@ def held(delay_s: float, period_s: float, duration_s: float) -> list[float]:
 
 def sampled(presses: list[float], until_s: float) -> list[tuple[float, float]]:
     """The deflection of an axis at each tick."""
-    axis, waiting, found = Axis(), list(presses), []
+    axis, waiting, found = SmoothedAxis(), list(presses), []
     for tick in range(round(until_s / TICK_S)):
         now_s = tick * TICK_S
         while waiting and waiting[0] <= now_s:
@@ -72,7 +72,7 @@ def test_a_tap_moves_little() -> None:
 def test_any_keys_stay_within_the_deflection_and_have_no_jump_away_from_the_centre(
     presses: list[tuple[float, float]],
 ) -> None:
-    axis, waiting, last = Axis(), sorted(presses), 0.0
+    axis, waiting, last = SmoothedAxis(), sorted(presses), 0.0
     for tick in range(250):
         while waiting and waiting[0][0] <= tick * TICK_S:
             pressed_s, direction = waiting.pop(0)
@@ -87,7 +87,7 @@ def test_any_keys_stay_within_the_deflection_and_have_no_jump_away_from_the_cent
 
 @given(st.lists(st.floats(0.0, 3.0), min_size=1, max_size=5), st.floats(0.01, 0.2))
 def test_how_often_it_is_asked_does_not_matter(presses: list[float], tick_s: float) -> None:
-    often, once = Axis(), Axis()
+    often, once = SmoothedAxis(), SmoothedAxis()
     for pressed_s in sorted(presses):
         for axis in (often, once):
             axis.press(1.0, pressed_s)
@@ -98,7 +98,7 @@ def test_how_often_it_is_asked_does_not_matter(presses: list[float], tick_s: flo
 
 
 def test_the_other_key_begins_at_the_centre() -> None:
-    axis = Axis()
+    axis = SmoothedAxis()
     for pressed_s in held(0.3, 0.03, 2.0):
         axis.press(1.0, pressed_s)
     axis.press(-1.0, 2.01)
@@ -230,7 +230,7 @@ stick = st.floats(-1.0, 1.0)
 
 @given(st.sampled_from(speeds.LEVELS), stick, stick, stick, stick)
 def test_no_deflection_is_beyond_the_level_and_the_limits(
-    level: speeds.Level, forward: float, left: float, up: float, turn: float
+    level: speeds.SpeedLevel, forward: float, left: float, up: float, turn: float
 ) -> None:
     limits = Limits()
     twist = level.within(limits).twist(Sticks(forward, left, up, turn))

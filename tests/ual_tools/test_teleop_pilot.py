@@ -14,15 +14,15 @@ from ual.types import Battery, Info, Setpoint, State, TaskInfo, TaskKind, TaskSt
 from ual_tools.teleop import board
 from ual_tools.teleop.actions import Action
 from ual_tools.teleop.keyboard import Keyboard
-from ual_tools.teleop.pilot import BRAKE_S, OLD_S, Mode, Pilot
+from ual_tools.teleop.pilot import BRAKE_S, OLD_S, Pilot, StickMode
 from ual_tools.teleop.sticks import CENTRED, Sticks
-from ual_tools.teleop.vehicle import Said, Vehicle
+from ual_tools.teleop.vehicle import ScreenLine, TeleopVehicle
 
 PERIOD_S = 0.05
 FORWARD = Sticks(forward=1.0)
 
 
-class FakeVehicle(Vehicle):
+class FakeVehicle(TeleopVehicle):
     """Notes what it is asked; it has telemetry at once."""
 
     def __init__(self, name: str, clock: Callable[[], float]) -> None:
@@ -262,7 +262,7 @@ def test_the_end_stops_a_step_that_is_being_flown(posing: Flight) -> None:
 def test_keys_that_waited_can_only_end_a_motion() -> None:
     flight, keys = Flight(), Keyboard()
     keys.control(flight.pilot, b"t\r\x1b[A\x1b[Ap", flight.now_s, is_late=True)
-    assert (flight.sent, flight.vehicles[0].commands, flight.pilot.mode) == ([], [], Mode.VELOCITY)
+    assert (flight.sent, flight.vehicles[0].commands, flight.pilot.mode) == ([], [], StickMode.VELOCITY)
     keys.control(flight.pilot, b"ww l", flight.now_s, is_late=True)
     assert flight.vehicles[0].commands == ["stop", "land"]
 
@@ -282,8 +282,8 @@ def test_the_screen_fits(width: int, height: int) -> None:
         armed=True,
         task=TaskInfo("1", TaskKind.GO_TO_WAYPOINT, TaskStatus.RUNNING, description="goes to 4 2 3 " * 10),
     )
-    vehicle.refusal = Said("sticks: WRONG_STATE: set_velocity needs the state FLYING_AUTO, " * 5, flight.now_s)
-    vehicle.done = Said("landing", flight.now_s)
+    vehicle.refusal = ScreenLine("sticks: WRONG_STATE: set_velocity needs the state FLYING_AUTO, " * 5, flight.now_s)
+    vehicle.done = ScreenLine("landing", flight.now_s)
     keys = Keyboard()
     shown = board.lines(
         flight.pilot.view(), keys.title, keys.help, "take-off? Enter confirms", width=width, height=height

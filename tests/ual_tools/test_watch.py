@@ -17,10 +17,10 @@ from ual.geometry import Pose, Quaternion, Transform, Twist, Vector3
 from ual.types import Battery, Health, State, TaskInfo, TaskKind, TaskStatus, Telemetry
 from ual_tools import keys, terminal, watch_board, watch_screen, watch_table
 from ual_tools.keys import Key
-from ual_tools.session import Session
+from ual_tools.session import CommandSession
 from ual_tools.watch import default_rate_hz
-from ual_tools.watch_board import Board, Seen
-from ual_tools.watch_roster import Roster
+from ual_tools.watch_board import Board, WatchedUav
+from ual_tools.watch_roster import WatchRoster
 
 NOW_S = 100.0
 SIZES = [(80, 24), (40, 24), (40, 10), (57, 24), (100, 40), (200, 50), (20, 5), (3, 3)]
@@ -38,11 +38,11 @@ FLYING = Telemetry(
 )
 
 
-def seen(count: int, telemetry: Telemetry = FLYING) -> dict[str, Seen]:
-    return {f"uav_{number}": Seen(NOW_S, telemetry) for number in range(1, count + 1)}
+def seen(count: int, telemetry: Telemetry = FLYING) -> dict[str, WatchedUav]:
+    return {f"uav_{number}": WatchedUav(NOW_S, telemetry) for number in range(1, count + 1)}
 
 
-def table(found: dict[str, Seen], width: int = 80, height: int = 24, top: int = 0) -> list[str]:
+def table(found: dict[str, WatchedUav], width: int = 80, height: int = 24, top: int = 0) -> list[str]:
     lines = watch_table.table(found, width=width, height=height, top=top, now_s=NOW_S, lost_after_s=2.0)
     return [line.text for line in lines]
 
@@ -53,7 +53,11 @@ def table(found: dict[str, Seen], width: int = 80, height: int = 24, top: int = 
 @pytest.mark.parametrize(("width", "height"), SIZES)
 @pytest.mark.parametrize("count", [1, 12, 200])
 def test_the_table_fits_any_terminal(width: int, height: int, count: int) -> None:
-    for found in (seen(count), seen(count, Telemetry(State.UNINITIALIZED, "no data " * 50)), {"x" * 60: Seen(NOW_S)}):
+    for found in (
+        seen(count),
+        seen(count, Telemetry(State.UNINITIALIZED, "no data " * 50)),
+        {"x" * 60: WatchedUav(NOW_S)},
+    ):
         lines = table(found, width, height)
         assert len(lines) <= height
         assert max(map(len, lines)) <= width
@@ -101,10 +105,10 @@ def test_200_uavs_are_reached_by_scrolling() -> None:
 
 def test_the_worst_of_200_are_on_the_first_page_in_words_and_colour() -> None:
     found = seen(200)
-    found["uav_150"] = Seen(NOW_S - 7.0, FLYING)
-    found["uav_170"] = Seen(NOW_S, replace(FLYING, battery=Battery(23.0, 14.2)))
-    found["uav_80"] = Seen(NOW_S, replace(FLYING, battery=Battery(9.0, 13.9)))
-    found["uav_9"] = Seen(NOW_S, replace(FLYING, health=Health(failsafe="rc failsafe")))
+    found["uav_150"] = WatchedUav(NOW_S - 7.0, FLYING)
+    found["uav_170"] = WatchedUav(NOW_S, replace(FLYING, battery=Battery(23.0, 14.2)))
+    found["uav_80"] = WatchedUav(NOW_S, replace(FLYING, battery=Battery(9.0, 13.9)))
+    found["uav_9"] = WatchedUav(NOW_S, replace(FLYING, health=Health(failsafe="rc failsafe")))
     lines = watch_table.table(found, width=80, height=24, top=0, now_s=NOW_S, lost_after_s=2.0)
     assert lines[1].text == "3 alarms, 1 warning; 199 FLYING_AUTO, 1 LOST"
     assert [line.text for line in lines[3:8]] == [
@@ -144,12 +148,12 @@ def test_a_screen_that_grows_or_uavs_that_go_leave_no_gap() -> None:
 
 
 def test_what_is_not_the_present_is_never_shown_as_it() -> None:
-    old = {"uav_1": Seen(NOW_S - 5.0, FLYING)}
+    old = {"uav_1": WatchedUav(NOW_S - 5.0, FLYING)}
     assert table(old)[3] == "uav_1  no telemetry for 5 s, it was FLYING_AUTO"
     assert table(old, 40)[3] == "uav_1  no telemetry for 5 s, it was FLY…"
-    refused = {"uav_1": Seen(NOW_S, None, "DAEMON_UNREACHABLE: no UAL daemon answers")}
+    refused = {"uav_1": WatchedUav(NOW_S, None, "DAEMON_UNREACHABLE: no UAL daemon answers")}
     assert "DAEMON_UNREACHABLE" in table(refused)[3]
-    ended = {"uav_1": Seen(NOW_S, FLYING, gone_s=NOW_S)}
+    ended = {"uav_1": WatchedUav(NOW_S, FLYING, gone_s=NOW_S)}
     assert table(ended)[3] == "uav_1  its daemon has ended, it was FLYING_AUTO"
     lines = watch_table.table(ended, width=80, height=24, top=0, now_s=NOW_S, lost_after_s=2.0)
     assert lines[3].style == "bold red"
@@ -159,8 +163,8 @@ def test_what_is_not_the_present_is_never_shown_as_it() -> None:
 
 
 @pytest.mark.parametrize(("width", "height"), [(80, 24), (40, 24), (200, 50)])
-@pytest.mark.parametrize("picture", [watch_screen.Table(), watch_screen.Detail()], ids=["table", "detail"])
-def test_rich_draws_the_lines_as_they_are(width: int, height: int, picture: watch_screen.Picture) -> None:
+@pytest.mark.parametrize("picture", [watch_screen.FleetTable(), watch_screen.Detail()], ids=["table", "detail"])
+def test_rich_draws_the_lines_as_they_are(width: int, height: int, picture: watch_screen.ScreenPicture) -> None:
     board = Board(["uav_[bold]1"], 5.0)
     board.put("uav_[bold]1", FLYING)
     picture.press([Key.DOWN], 1, height)
@@ -216,7 +220,7 @@ def test_daemons_that_are_known_stay_where_they_cannot_be_looked_for() -> None:
             raise answer
         return answer
 
-    roster = Roster(Session(), Board([], 5.0), 5.0, said.append, choose)
+    roster = WatchRoster(CommandSession(), Board([], 5.0), 5.0, said.append, choose)
     roster.look()
     roster.look()
     assert said == ["ual: daemons that begin or end are not seen now: Too many open files"]
@@ -225,7 +229,7 @@ def test_daemons_that_are_known_stay_where_they_cannot_be_looked_for() -> None:
 def test_daemons_appear_and_vanish(start_daemon: StartDaemon, monkeypatch: pytest.MonkeyPatch) -> None:
     said: list[str] = []
     board = Board([], 5.0)
-    roster = Roster(Session(), board, 5.0, said.append)
+    roster = WatchRoster(CommandSession(), board, 5.0, said.append)
 
     def telemetry_of(ns: str) -> Telemetry | None:
         return board.seen()[ns].telemetry

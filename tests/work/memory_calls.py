@@ -7,7 +7,7 @@ from collections.abc import Callable
 import grpc
 from typing_extensions import override
 
-from ual_daemon.server.transport.base import Call, MakeCredentials, Metadata, Options, Transport, TransportServer
+from ual_daemon.server.transport.base import MakeCredentials, Metadata, Options, ServedCall, Transport, TransportServer
 
 
 class MemoryTransport(Transport):
@@ -17,7 +17,7 @@ class MemoryTransport(Transport):
     is_on_loop = False
 
     @override
-    def server(self, options: Options, take: Callable[[Call], None]) -> TransportServer:
+    def server(self, options: Options, take: Callable[[ServedCall], None]) -> TransportServer:
         self._take = take
         return _MemoryServer()
 
@@ -46,7 +46,7 @@ class _MemoryServer(TransportServer):
         return True
 
 
-class MemoryCall(Call):
+class MemoryCall(ServedCall):
     """A call: what was sent to its caller, and how it ended."""
 
     def __init__(self, method: str, metadata: Metadata) -> None:

@@ -23,9 +23,9 @@ from ual.v1 import ual_pb2 as pb
 from ual_daemon import UAL
 from ual_daemon.program.recording.audit import Audit
 from ual_daemon.program.recording.audit_file import AuditFile
-from ual_daemon.program.recording.recording import Recording
+from ual_daemon.program.recording.recording import DaemonRecording
 from ual_daemon.server.access.policy import Access
-from ual_daemon.server.call_log import Observer
+from ual_daemon.server.call_log import CallObserver
 from ual_daemon.server.server import Server
 from ual_daemon.server.transport.base import Metadata
 from ual_daemon.vehicle.vehicle import Vehicle
@@ -116,9 +116,9 @@ def _access() -> Access:
     return Access(known_tokens=_Tokens((Token(_NAME, Role.PILOT, hashed(_SECRET), now),)))
 
 
-def _observers(vehicle: Vehicle, directory: Path, stack: ExitStack) -> list[Observer]:
+def _observers(vehicle: Vehicle, directory: Path, stack: ExitStack) -> list[CallObserver]:
     """Begins a recording, an audit, and what an extension does: it has the class interface, and subscribes."""
-    recording = Recording(directory, [vehicle], logging.LogRecord.getMessage, Turnover(), is_raw=True)
+    recording = DaemonRecording(directory, [vehicle], logging.LogRecord.getMessage, Turnover(), is_raw=True)
     recording.start()
     stack.callback(recording.close)
     audit = Audit(AuditFile(directory / "audit"))

@@ -15,7 +15,7 @@ from tests.work.flights import BACKENDS, flying, narrow
 from tests.work.served import Served, served
 from ual.errors import LinkLostError, WrongStateError
 from ual.geometry import Twist, Vector3
-from ual.recording.recorder import Clock
+from ual.recording.recorder import SteadyUtc
 from ual.types import State
 from ual_daemon import UAL
 
@@ -86,7 +86,7 @@ def test_a_served_setpoint_is_no_more_work(case: str, tmp_path: Path) -> None:
 @pytest.mark.parametrize("case", limits.SERVED_SAMPLES)
 def test_a_served_sample_is_no_more_work(case: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     # By its own clock a recording asks several times a second for what is rare: on a busy computer at each step.
-    monkeypatch.setattr(Clock, "now_ns", lambda _: _AT_NS)
+    monkeypatch.setattr(SteadyUtc, "now_ns", lambda _: _AT_NS)
 
     def fly(uav: Served) -> list[Work]:
         ready = uav.stream()

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tools.contract.compiled import ROOT
-from tools.contract.parts import Member, Part
+from tools.contract.parts import ContractPart, PartMember
 from tools.contract.python_source import classes, functions
 
 ROOM = ROOT / "ual_daemon" / "services"
@@ -22,7 +22,7 @@ class Behaviour:
     vehicle: str
     methods: dict[str, ast.FunctionDef]
 
-    def method(self, member: Member) -> ast.FunctionDef:
+    def method(self, member: PartMember) -> ast.FunctionDef:
         """Returns what serves a member.
 
         Raises:
@@ -33,16 +33,16 @@ class Behaviour:
             raise SystemExit(f"{self.module}.{self.name} has no {member.name}")
         return self.methods[member.name]
 
-    def waits(self, member: Member) -> bool:
+    def waits(self, member: PartMember) -> bool:
         """Returns whether it returns a future."""
         returned = self.method(member).returns
         return returned is not None and ast.unparse(returned).startswith("Future[")
 
-    def is_in_thread(self, member: Member) -> bool:
+    def is_in_thread(self, member: PartMember) -> bool:
         """Returns whether it is declared to take long before it returns, and so to be called beside the event loop."""
         return any(ast.unparse(each) == "in_thread" for each in self.method(member).decorator_list)
 
-    def takes_lease(self, member: Member) -> bool:
+    def takes_lease(self, member: PartMember) -> bool:
         """Returns whether it takes the lease of its caller, as the contract says of the method.
 
         Raises:
@@ -74,7 +74,7 @@ class Behaviour:
         return ROOT / f"{self.module.replace('.', '/')}.py"
 
 
-def behaviour(service: Part) -> Behaviour:
+def behaviour(service: ContractPart) -> Behaviour:
     """Returns what a service does. `service` is its part, or the one that has several."""
     path = ROOM / f"{service.module}.py"
     name = f"Vehicle{service.name}"

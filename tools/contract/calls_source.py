@@ -6,7 +6,7 @@ import ast
 from collections.abc import Mapping
 
 from tools.contract import requests
-from tools.contract.parts import CLIENT, INTERFACE, Member, Part
+from tools.contract.parts import CLIENT, INTERFACE, ContractPart, PartMember
 from tools.contract.python_source import functions, imports, names_in, parsed
 from tools.contract.values import Values
 from tools.contract.words import snake
@@ -15,7 +15,7 @@ BY_HAND = CLIENT / "_service_calls" / "by_hand.py"
 """The calls that are more than a request and its response: ``fence_upload`` is that of ``Fence.upload``."""
 
 
-def source(values: Values, part: Part) -> str:
+def source(values: Values, part: ContractPart) -> str:
     """Returns the module of a part."""
     by_hand = functions(parsed(BY_HAND))
     mine = {each.name: f"{part.module}_{each.name}" for each in part.members}
@@ -40,7 +40,7 @@ def stubs_source(services: Mapping[str, str]) -> str:
     )
 
 
-def _head(values: Values, part: Part, body: str, special: list[str]) -> str:
+def _head(values: Values, part: ContractPart, body: str, special: list[str]) -> str:
     used = names_in(body)
     calls = sorted({"Call", "built", "nothing", "of", "request"} & used)
     return (
@@ -60,7 +60,7 @@ def _head(values: Values, part: Part, body: str, special: list[str]) -> str:
     )
 
 
-def _call(values: Values, part: Part, member: Member) -> str:
+def _call(values: Values, part: ContractPart, member: PartMember) -> str:
     if member.method is None or member.request is None:
         raise SystemExit(f"{part.name}.{member.name} is no method: {BY_HAND.name} lacks {part.module}_{member.name}")
     arguments = [f"{part.bound}: int"] if part.bound else []

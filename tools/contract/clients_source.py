@@ -6,7 +6,7 @@ import ast
 from collections.abc import Sequence
 from pathlib import Path
 
-from tools.contract.parts import CLIENT, INTERFACE, Member, Part
+from tools.contract.parts import CLIENT, INTERFACE, ContractPart, PartMember
 from tools.contract.python_source import classes, imports, names_in
 
 SYNC = CLIENT / "_derived_parts.py"
@@ -32,7 +32,7 @@ from ual.aio._connection import Connection
 '''
 
 
-def sync_source(parts: Sequence[Part]) -> str:
+def sync_source(parts: Sequence[ContractPart]) -> str:
     """Returns the module of the client."""
     body = "".join(_part(each, SYNC, f"interface.{each.name}") for each in parts)
     owners = "".join(_property(each, "    @override\n", "") for each in parts if not each.bound)
@@ -41,7 +41,7 @@ def sync_source(parts: Sequence[Part]) -> str:
     )
 
 
-def aio_source(parts: Sequence[Part]) -> str:
+def aio_source(parts: Sequence[ContractPart]) -> str:
     """Returns the module of its twin for asyncio."""
     body = "".join(_part(each, AIO, "") for each in parts)
     about = {each.name: each for each in classes(INTERFACE)["Uav"].body if isinstance(each, ast.FunctionDef)}
@@ -53,7 +53,7 @@ def aio_source(parts: Sequence[Part]) -> str:
     return _module(_AIO_HEAD, parts, AIO, body + _owner(parts, "class PartMembers:", "ual.aio.Uav") + owners)
 
 
-def _module(head: str, parts: Sequence[Part], path: Path, body: str) -> str:
+def _module(head: str, parts: Sequence[ContractPart], path: Path, body: str) -> str:
     used = names_in(body)
     calls = "".join(
         f"from ual._service_calls import {each.module} as {_calls(each)}\n" for each in parts if _calls(each) in used
@@ -66,11 +66,11 @@ def _module(head: str, parts: Sequence[Part], path: Path, body: str) -> str:
     return head + calls + bases + imports(INTERFACE, used - {"AsyncIterator", "Iterator", "Any"}) + body
 
 
-def _calls(part: Part) -> str:
+def _calls(part: ContractPart) -> str:
     return f"_{part.module}_calls"
 
 
-def _owner(parts: Sequence[Part], declaration: str, of: str) -> str:
+def _owner(parts: Sequence[ContractPart], declaration: str, of: str) -> str:
     made = "".join(f"        self.{each.module} = {each.name}(connection)\n" for each in parts if not each.bound)
     return f'''
 
@@ -87,12 +87,12 @@ class Parts:
 '''
 
 
-def _property(part: Part, decorator: str, about: str) -> str:
+def _property(part: ContractPart, decorator: str, about: str) -> str:
     head = f"    @property\n{decorator}    def {part.module}(self) -> {part.name}:\n{about}"
     return f"\n{head}        return self._parts.{part.module}\n"
 
 
-def _part(part: Part, path: Path, interface: str) -> str:
+def _part(part: ContractPart, path: Path, interface: str) -> str:
     """A class, with a base by hand where there is one: ``XBase`` in the module ``_x``."""
     by_hand = classes(path.parent / f"_{part.module}.py").get(f"{part.name}Base")
     own = set() if by_hand is None else {getattr(each, "name", "") for each in by_hand.body}
@@ -103,7 +103,7 @@ def _part(part: Part, path: Path, interface: str) -> str:
     return _head(part, f"({bases})" if bases else "") + numbered + members
 
 
-def _head(part: Part, bases: str) -> str:
+def _head(part: ContractPart, bases: str) -> str:
     parameter = ", number: int" if part.bound else ""
     kept = "\n        self._number = number" if part.bound else ""
     shown = f"{part.name} {{self._number}}" if part.bound else part.name
@@ -143,19 +143,19 @@ _AIO_NUMBERED = '''
 '''
 
 
-def _call(part: Part, member: Member) -> str:
+def _call(part: ContractPart, member: PartMember) -> str:
     way = "iterate" if member.is_stream else "run"
     passed = ", ".join(filter(None, ("self._number" * bool(part.bound), member.passed())))
     return f"self._connection.{way}({_calls(part)}.{member.function}({passed}))"
 
 
-def _sync_member(part: Part, member: Member) -> str:
+def _sync_member(part: ContractPart, member: PartMember) -> str:
     returned = "" if member.returned == "None" else "return "
     head = f"def {member.name}({ast.unparse(member.signature)}) -> {member.returned}:"
     return f"\n    @override\n    {head}\n        {returned}{_call(part, member)}\n"
 
 
-def _aio_member(part: Part, member: Member) -> str:
+def _aio_member(part: ContractPart, member: PartMember) -> str:
     before, returned = ("", f"Async{member.returned}") if member.is_stream else ("async ", member.returned)
     call = ("" if member.returned == "None" else "return ") + "await " * (not member.is_stream) + _call(part, member)
     head = f"{before}def {member.name}({ast.unparse(member.signature)}) -> {returned}:"

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Iterator
 
-from tools.contract.parts import INTERFACE, Member, Part
+from tools.contract.parts import INTERFACE, ContractPart, PartMember
 from tools.contract.python_source import classes
 
 _TYPES = {"str": "", "int": ", type=int", "float": ", type=float"}
@@ -14,7 +14,7 @@ _LISTS = "get_all"
 """The member whose command is called ``list``."""
 
 
-def commands(part: Part) -> str:
+def commands(part: ContractPart) -> str:
     """Returns the group of a service."""
     about = (ast.get_docstring(classes(INTERFACE)[part.name]) or "").splitlines()[0].partition(" See ``")[0]
     members = [each for each in part.members if not each.is_stream]
@@ -25,23 +25,23 @@ def commands(part: Part) -> str:
     )
 
 
-def _example(part: Part, member: Member) -> str:
+def _example(part: ContractPart, member: PartMember) -> str:
     """Returns a call of a command, with the arguments that have no default."""
     kinds = {each.arg: ast.unparse(each.annotation) for each in member.arguments if each.annotation}
     given = [_EXAMPLES.get(kinds[name], "") for name in _required(member)]
     return " ".join(("ual", part.module, _name(member), *given))
 
 
-def _required(member: Member) -> list[str]:
+def _required(member: PartMember) -> list[str]:
     """Returns the arguments that have no default, and are given by their order."""
     return [each.arg for each in member.signature.args[1 : len(member.signature.args) - len(member.signature.defaults)]]
 
 
-def _name(member: Member) -> str:
+def _name(member: PartMember) -> str:
     return "list" if member.name == _LISTS else member.name.replace("_", "-")
 
 
-def _command(part: Part, member: Member) -> str:
+def _command(part: ContractPart, member: PartMember) -> str:
     name = _name(member)
     declared = "".join(f"@click.{each}\n" for each in _parameters(part, member))
     arguments = "".join(f", {each.arg}: {ast.unparse(each.annotation)}" for each in member.arguments if each.annotation)
@@ -58,7 +58,7 @@ def _command(part: Part, member: Member) -> str:
     )
 
 
-def _parameters(part: Part, member: Member) -> Iterator[str]:
+def _parameters(part: ContractPart, member: PartMember) -> Iterator[str]:
     """Yields the declarations of a member's arguments: those without a default are arguments of the command."""
     given = len(member.signature.args) - len(member.signature.defaults)
     required = _required(member)

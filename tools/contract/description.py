@@ -15,7 +15,7 @@ from ual.contract.method import QUICK_S, Kind, Method, Moves
 
 
 @dataclass(frozen=True)
-class Service:
+class ContractService:
     """A service, and its methods in the order of the contract."""
 
     name: str
@@ -23,7 +23,7 @@ class Service:
     methods: tuple[Method, ...]
 
 
-def services(contract: FileDescriptorSet) -> list[Service]:
+def services(contract: FileDescriptorSet) -> list[ContractService]:
     """Returns the services, that of the UAV first.
 
     Raises:
@@ -36,10 +36,10 @@ def services(contract: FileDescriptorSet) -> list[Service]:
     return sorted(found, key=lambda each: (each.name != "UalService", each.name))
 
 
-def _service(options: Options, service: ServiceDescriptorProto) -> Service:
+def _service(options: Options, service: ServiceDescriptorProto) -> ContractService:
     facts = options.read("Service", "service_facts", service.options)
     methods = tuple(_method(options, service.name, each, facts.at_timeout) for each in service.method)
-    return Service(service.name, Role(facts.role), methods)
+    return ContractService(service.name, Role(facts.role), methods)
 
 
 def _method(options: Options, service: str, method: MethodDescriptorProto, at_timeout: str) -> Method:

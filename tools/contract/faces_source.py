@@ -7,7 +7,7 @@ from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 
 from tools.contract.behaviour import ROOM, Behaviour, behaviour
-from tools.contract.parts import INTERFACE, Member, Part
+from tools.contract.parts import INTERFACE, ContractPart, PartMember
 from tools.contract.python_source import classes, functions, imports, names_in
 
 _HEAD = '''"""The services of a UAV in this process. ``make proto`` writes this file: do not edit it."""
@@ -24,7 +24,7 @@ from ual import interface
 '''
 
 
-def source(parts: Sequence[Part]) -> str:
+def source(parts: Sequence[ContractPart]) -> str:
     """Returns the module."""
     owners = {each.service: each for each in parts if not each.bound}
     done = {service: behaviour(owner) for service, owner in owners.items()}
@@ -42,7 +42,7 @@ def source(parts: Sequence[Part]) -> str:
     )
 
 
-def _all(owners: Collection[Part], done: Mapping[str, Behaviour]) -> str:
+def _all(owners: Collection[ContractPart], done: Mapping[str, Behaviour]) -> str:
     """Returns the class of all services' needs of a vehicle, and the members of `ual_daemon.UAL` that return them."""
     vehicles = ", ".join(sorted({each.vehicle for each in done.values()} - {"ServedVehicle"}))
     made = "".join(
@@ -56,14 +56,14 @@ def _all(owners: Collection[Part], done: Mapping[str, Behaviour]) -> str:
     )
     return f'''
 
-class ShippedVehicle({vehicles}, Protocol):
+class ServicesVehicle({vehicles}, Protocol):
     """Needs of all services of their UAV."""
 
 
 class Parts:
     """The services of a UAV."""
 
-    def __init__(self, vehicle: ShippedVehicle, lease_id: Callable[[], str]) -> None:
+    def __init__(self, vehicle: ServicesVehicle, lease_id: Callable[[], str]) -> None:
 {made}
 
 class PartMembers(interface.Uav):
@@ -76,7 +76,7 @@ class PartMembers(interface.Uav):
 {members}'''
 
 
-def _face(part: Part, does: Behaviour) -> str:
+def _face(part: ContractPart, does: Behaviour) -> str:
     by_hand = _base(does.path, f"{part.name}Base")
     bases = f"{part.name}Base, interface.{part.name}" if by_hand else f"interface.{part.name}"
     members = "".join(_member(part, does, each) for each in part.members if each.name not in by_hand)
@@ -89,7 +89,7 @@ def _base(path: Path, name: str) -> set[str]:
     return set() if found is None else set(functions(found))
 
 
-def _made(part: Part, does: Behaviour) -> str:
+def _made(part: ContractPart, does: Behaviour) -> str:
     if part.bound:
         return (
             f"\n    def __init__(self, of_vehicle: {does.name}, number: int) -> None:\n"
@@ -105,7 +105,7 @@ def _made(part: Part, does: Behaviour) -> str:
     return made + _numbered(part) if part.of_each else made
 
 
-def _numbered(part: Part) -> str:
+def _numbered(part: ContractPart) -> str:
     return (
         f"\n    @override\n    def __getitem__(self, number: int) -> {part.of_each}:\n"
         f"        return {part.of_each}(self._of_vehicle, number)\n"
@@ -114,7 +114,7 @@ def _numbered(part: Part) -> str:
     )
 
 
-def _member(part: Part, does: Behaviour, member: Member) -> str:
+def _member(part: ContractPart, does: Behaviour, member: PartMember) -> str:
     if member.method is None:
         raise SystemExit(f"{part.name}.{member.name} is no method: {does.module}.{part.name}Base lacks it")
     arguments = ["self._number"] * bool(part.bound)

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from tools.contract.commands_source import commands
 from tools.contract.compiled import PROTO, ROOT
-from tools.contract.parts import CLIENT, Part
+from tools.contract.parts import CLIENT, ContractPart
 from tools.contract.python_source import functions, imports, names_in, parsed
 
 _CHECKS = CLIENT / "conformance"
@@ -27,7 +27,7 @@ _OFFERS = (
 _PAGE = ROOT / "docs" / "reference" / "contract.rst"
 
 
-def lists(parts: Sequence[Part]) -> dict[Path, str]:
+def lists(parts: Sequence[ContractPart]) -> dict[Path, str]:
     """Returns the modules, and the page of the contract."""
     owners = [each for each in parts if not each.bound]
     return {
@@ -56,7 +56,7 @@ def _assigned(path: Path) -> set[str]:
     return {each.id for found in targets for each in found if isinstance(each, ast.Name)}
 
 
-def _commands(owners: Sequence[Part]) -> str:
+def _commands(owners: Sequence[ContractPart]) -> str:
     """Returns the module with the command of each service: one by hand, or what follows from its members."""
     by_hand = [each.module for each in owners if (_COMMANDS / f"{each.module}.py").exists()]
     derived = [each for each in owners if each.module not in by_hand and each.module not in _OTHERS]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from enum import Enum
 
-from tools.contract.description import Service
+from tools.contract.description import ContractService
 from ual.contract.method import Method
 
 _HEAD = '''"""The facts of each method of the contract. ``make proto`` writes this file: do not edit it."""
@@ -23,7 +23,7 @@ _LONGEST = 90
 """A longer text is written in parts."""
 
 
-def source(services: Sequence[Service]) -> str:
+def source(services: Sequence[ContractService]) -> str:
     """Returns the module."""
     roles = "".join(f'    "ual.v1.{each.name}": {_code(each.role_of_unknown)},\n' for each in services)
     methods = "".join(f"    {_made(each)},\n" for service in services for each in service.methods)

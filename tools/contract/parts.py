@@ -29,7 +29,7 @@ _OTHERS = ("UalService", "SimulationService", "NetworkService")
 
 
 @dataclass(frozen=True)
-class Member:
+class PartMember:
     """A member of a part: its signature and documentation, and the method that it calls; None where by hand."""
 
     name: str
@@ -65,13 +65,13 @@ class Member:
 
 
 @dataclass(frozen=True)
-class Part:
+class ContractPart:
     """A class of `ual.interface`, of a service. `bound` is the field that names one of several."""
 
     name: str
     service: str
     file: str
-    members: Sequence[Member]
+    members: Sequence[PartMember]
     bound: str
     of_each: str
     """The class of one of several, which this part has by their numbers; else empty."""
@@ -82,13 +82,13 @@ class Part:
         return snake(self.name)
 
 
-def parts(contract: FileDescriptorSet) -> list[Part]:
+def parts(contract: FileDescriptorSet) -> list[ContractPart]:
     """Returns the parts, in the order of their files: one of several before the class that has them."""
     options = Options(contract)
     return [part for file in contract.file for service in file.service for part in _parts(options, file, service)]
 
 
-def _parts(options: Options, file: FileDescriptorProto, service: ServiceDescriptorProto) -> list[Part]:
+def _parts(options: Options, file: FileDescriptorProto, service: ServiceDescriptorProto) -> list[ContractPart]:
     file_name = Path(file.name).stem
     if service.name in _OTHERS or file_name in by_hand.FILES:
         return []
@@ -97,10 +97,10 @@ def _parts(options: Options, file: FileDescriptorProto, service: ServiceDescript
     messages = {f".{file.package}.{each.name}": each for each in file.message_type}
     made = _Members(options, service, messages)
     if not facts.each:
-        return [Part(name, service.name, file_name, made.members(name), "", "")]
+        return [ContractPart(name, service.name, file_name, made.members(name), "", "")]
     bound = snake(facts.each)
-    each = Part(facts.each, service.name, file_name, made.members(facts.each, bound), bound, "")
-    return [each, Part(name, service.name, file_name, made.members(name, without=bound), "", facts.each)]
+    each = ContractPart(facts.each, service.name, file_name, made.members(facts.each, bound), bound, "")
+    return [each, ContractPart(name, service.name, file_name, made.members(name, without=bound), "", facts.each)]
 
 
 class _Members:
@@ -109,7 +109,7 @@ class _Members:
         self._messages = messages
         self._options = options
 
-    def members(self, name: str, bound: str = "", without: str = "") -> list[Member]:
+    def members(self, name: str, bound: str = "", without: str = "") -> list[PartMember]:
         found = classes(INTERFACE).get(name)
         if found is None:
             raise SystemExit(f"ual.interface has no class {name}, for {self._service.name}")
@@ -131,8 +131,8 @@ class _Members:
         first = fields[0].name if fields else ""
         return first == bound if bound else first != without or not without
 
-    def _member(self, node: ast.FunctionDef, method: MethodDescriptorProto | None) -> Member:
-        return Member(
+    def _member(self, node: ast.FunctionDef, method: MethodDescriptorProto | None) -> PartMember:
+        return PartMember(
             node.name,
             node.args,
             "" if node.returns is None else ast.unparse(node.returns),

@@ -9,7 +9,7 @@ from google.protobuf.descriptor_pb2 import FieldDescriptorProto
 
 from tools.contract import by_hand
 from tools.contract.compiled import ROOT
-from tools.contract.parts import Member, Part
+from tools.contract.parts import ContractPart, PartMember
 from tools.contract.python_source import functions, parsed
 from tools.contract.values import Values
 from tools.contract.words import snake
@@ -19,37 +19,37 @@ SPECIAL = ROOT / "clients" / "python" / "ual" / "wire" / "requests.py"
 """The requests that are not one field for each argument: functions by hand make and read them."""
 
 
-def is_special(member: Member) -> bool:
+def is_special(member: PartMember) -> bool:
     """Returns whether the request of a member is made and read by hand."""
     assert member.method is not None
     return f"{snake(member.method.name)}_arguments" in functions(parsed(SPECIAL))
 
 
 @dataclass(frozen=True)
-class Result:
+class ResultCode:
     """Code of a result: packing, as an expression of ``result``, and reading, as a function of the response."""
 
     pack: str
     read: str
 
 
-def result(values: Values, member: Member) -> Result:
+def result(values: Values, member: PartMember) -> ResultCode:
     """Returns how the result of a member crosses the wire."""
     assert member.method is not None
     assert member.response is not None
     response = member.response
     own = values.messages.get(response.name)
     if own is not None:
-        return Result(f"wire.{own.codec}_to_proto(result)", f"wire.{own.codec}_from_proto")
+        return ResultCode(f"wire.{own.codec}_to_proto(result)", f"wire.{own.codec}_from_proto")
     if not response.field:
-        return Result(f"pb.{response.name}()", "nothing")
+        return ResultCode(f"pb.{response.name}()", "nothing")
     [field] = response.field
     writer, reader = _codec(values, field)
     part = f"response.{field.name}"
     if field.label == _Type.LABEL_REPEATED:
         pack = f"pb.{response.name}({field.name}=map({writer}, result))"
-        return Result(pack, f"lambda response: list(map({reader}, {part}))")
-    return Result(f"pb.{response.name}({field.name}={writer}(result))", f"lambda response: {reader}({part})")
+        return ResultCode(pack, f"lambda response: list(map({reader}, {part}))")
+    return ResultCode(f"pb.{response.name}({field.name}={writer}(result))", f"lambda response: {reader}({part})")
 
 
 def _codec(values: Values, field: FieldDescriptorProto) -> tuple[str, str]:
@@ -61,7 +61,7 @@ def _codec(values: Values, field: FieldDescriptorProto) -> tuple[str, str]:
     return f"{codec}_to_proto", f"{codec}_from_proto"
 
 
-def written(values: Values, part: Part, member: Member) -> Iterator[str]:
+def written(values: Values, part: ContractPart, member: PartMember) -> Iterator[str]:
     """Yields the arguments of the request that a client makes."""
     for field in _fields(part, member):
         if field.name == part.bound:
@@ -70,7 +70,7 @@ def written(values: Values, part: Part, member: Member) -> Iterator[str]:
             yield f"{field.name}={_write(values, field)}"
 
 
-def read(values: Values, part: Part, member: Member) -> Iterator[str]:
+def read(values: Values, part: ContractPart, member: PartMember) -> Iterator[str]:
     """Yields the arguments with which the server calls what a service does."""
     for field in _fields(part, member):
         if field.name == part.bound:
@@ -79,7 +79,7 @@ def read(values: Values, part: Part, member: Member) -> Iterator[str]:
             yield f"{field.name}={_read(values, field)}"
 
 
-def _fields(part: Part, member: Member) -> list[FieldDescriptorProto]:
+def _fields(part: ContractPart, member: PartMember) -> list[FieldDescriptorProto]:
     assert member.request is not None
     names = {each.arg for each in member.arguments} | ({part.bound} if part.bound else set())
     fields = list(member.request.field)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from tools.contract.description import Service
+from tools.contract.description import ContractService
 from ual.access.roles import Role
 from ual.contract.method import Method
 
@@ -18,7 +18,7 @@ _ROLES = (Role.OBSERVER, Role.PILOT, Role.COMMANDER)
 _STANDARD = "| `Health`, `ServerReflection` | all | | | |\n\n"
 
 
-def page(text: str, services: Sequence[Service]) -> str:
+def page(text: str, services: Sequence[ContractService]) -> str:
     """Returns the page with the table as it follows from the contract.
 
     Raises:
@@ -32,7 +32,7 @@ def page(text: str, services: Sequence[Service]) -> str:
     return before + begin + _HEAD + "".join(map(_row, services)) + _STANDARD + end + after
 
 
-def _row(service: Service) -> str:
+def _row(service: ContractService) -> str:
     cells = [_names(each for each in service.methods if each.role is role) for role in _ROLES]
     leased = _names(each for each in service.methods if each.needs_lease)
     return f"| `{service.name}` | {' | '.join((*cells, leased))} |\n".replace("  ", " ")

@@ -14,7 +14,7 @@ from tools.contract.compiled import ROOT
 from tools.contract.formatting import formatted
 from tools.contract.parts import INTERFACE
 from tools.contract.python_source import classes, functions
-from tools.contract.ros_rules import Item
+from tools.contract.ros_rules import RosField
 from tools.contract.ros_shapes import Served, Shapes, Struct
 from tools.contract.words import snake
 
@@ -96,7 +96,7 @@ def _read(struct: Struct) -> str:
     return f'{head}    match message.kind:\n{cases}    raise none_of("kind", message.kind, {names!r})\n'
 
 
-def _entries(items: Iterable[Item], owner: str) -> str:
+def _entries(items: Iterable[RosField], owner: str) -> str:
     return "".join(f'"{each.name}": {_of(each.told, owner)},' for each in items if each.told)
 
 

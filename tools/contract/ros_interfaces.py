@@ -8,19 +8,19 @@ from pathlib import Path
 
 from tools.contract import ros_comments, ros_names
 from tools.contract.compiled import ROOT
-from tools.contract.ros_rules import Item
+from tools.contract.ros_rules import RosField
 from tools.contract.ros_shapes import Served, Shapes, Struct
 
 PACKAGE = ROOT / "clients" / "ros2" / "ual_msgs"
 OUTCOME = (
-    Item("bool", "success"),
-    Item(
+    RosField("bool", "success"),
+    RosField(
         "string",
         "reason",
         comment="the name of the error in docs/reference/errors.md, as WRONG_STATE; empty on success",
     ),
-    Item("string", "message", comment="what was refused, why, and what to do, human-readable"),
-    Item("diagnostic_msgs/KeyValue[]", "metadata", comment="of the error, as `state`, `needed` and `by`"),
+    RosField("string", "message", comment="what was refused, why, and what to do, human-readable"),
+    RosField("diagnostic_msgs/KeyValue[]", "metadata", comment="of the error, as `state`, `needed` and `by`"),
 )
 
 
@@ -104,13 +104,13 @@ def _action(served: Served) -> str:
     return _text([*lines, "---", *_declared(OUTCOME), *_declared(result), "---", *_declared(told)])
 
 
-def _on_success(item: Item) -> Item:
+def _on_success(item: RosField) -> RosField:
     if item.name == "task_id":
         return item
-    return Item(item.type, item.name, "", ros_comments.beside(item.comment, "only on success"))
+    return RosField(item.type, item.name, "", ros_comments.beside(item.comment, "only on success"))
 
 
-def _declared(items: Iterable[Item]) -> list[str]:
+def _declared(items: Iterable[RosField]) -> list[str]:
     return [line for each in items for line in ros_comments.declared(f"{each.type} {each.name}", each.comment)]
 
 

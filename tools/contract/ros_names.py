@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tools.contract.ros_rules import Called, Flag, Flat, Item, Part
+from tools.contract.ros_rules import Called, FieldPart, Flag, Flat, RosField
 
 INSTEAD = {
     **dict.fromkeys(
@@ -35,17 +35,17 @@ BY_HAND = (
     "DownloadLog.action",
 )
 """Interfaces of which the contract has nothing of this form."""
-ASKED_FOR = Item("std_msgs/Header", "header", comment="when it was asked for; frame_id is not used")
-SAID = Item("std_msgs/Header", "header", comment="when the daemon said so; frame_id is not used")
+ASKED_FOR = RosField("std_msgs/Header", "header", comment="when it was asked for; frame_id is not used")
+SAID = RosField("std_msgs/Header", "header", comment="when the daemon said so; frame_id is not used")
 _FILE = "the text of a .plan, of .waypoints (QGC WPL 110), or of KML, GPX or GeoJSON; ..."
-_LEFT_OUT = Item("string[]", "left_out", comment="what else is in the file and was not used, human-readable")
+_LEFT_OUT = RosField("string[]", "left_out", comment="what else is in the file and was not used, human-readable")
 _PLACES = (
-    Item(
+    RosField(
         "float64",
         "altitude",
         comment="of a file with places only: where they have no altitude, m above home; 0: that is refused",
     ),
-    Item(
+    RosField(
         "uint8",
         "altitude_reference",
         comment="of the same: 1 (above home) or 2 (above mean sea level); 0: as the file says",
@@ -57,34 +57,36 @@ _PLACES = (
 class Extra:
     """Fields that only ROS has, before and after the others."""
 
-    before: tuple[Item, ...] = ()
-    after: tuple[Item, ...] = ()
+    before: tuple[RosField, ...] = ()
+    after: tuple[RosField, ...] = ()
 
 
 EXTRA = {
     "CorrectionsStatus": Extra(
         (ASKED_FOR,),
         (
-            Item("uint64", "received_count", comment="messages that the node has received on the topic `corrections`"),
-            Item(
+            RosField(
+                "uint64", "received_count", comment="messages that the node has received on the topic `corrections`"
+            ),
+            RosField(
                 "uint64",
                 "not_taken_count",
                 comment="those of them that the daemon has not taken: it was not there, or refused them",
             ),
-            Item(
+            RosField(
                 "string", "refusal", comment="why the last ones were not taken, reason and words; empty while they are"
             ),
         ),
     ),
-    "Fault": Extra((Item("string", "fault_id", comment="of one that is under way"),)),
+    "Fault": Extra((RosField("string", "fault_id", comment="of one that is under way"),)),
     "Geofence": Extra(
         (
-            Item(
+            RosField(
                 "std_msgs/Header",
                 "header",
                 comment="the frame of all others, `map`; the stamp is when the daemon said so",
             ),
-            Item(
+            RosField(
                 "string",
                 "unknown",
                 comment="why it is not known where it may fly, human-readable; empty: the rest holds",
@@ -93,24 +95,28 @@ EXTRA = {
     ),
     "GetInfoResponse": Extra((SAID,)),
     "Telemetry": Extra(
-        (Item("std_msgs/Header", "header", comment="the stamp of the data; the frame is the body's, <ns>/base_link"),)
+        (
+            RosField(
+                "std_msgs/Header", "header", comment="the stamp of the data; the frame is the body's, <ns>/base_link"
+            ),
+        )
     ),
     "GimbalStatus": Extra(
         (
-            Item("std_msgs/Header", "header", comment="when it looked so; frame_id is <ns>/base_link"),
-            Item("uint32", "gimbal", comment="its number"),
+            RosField("std_msgs/Header", "header", comment="when it looked so; frame_id is <ns>/base_link"),
+            RosField("uint32", "gimbal", comment="its number"),
         )
     ),
-    "Lease": Extra((SAID, Item("bool", "is_held", comment="else every pilot may fly, and the rest is empty"))),
+    "Lease": Extra((SAID, RosField("bool", "is_held", comment="else every pilot may fly, and the rest is empty"))),
     "MissionProgress": Extra((ASKED_FOR,)),
-    "Photo": Extra((Item("uint32", "camera", comment="the camera's number"),)),
-    "PlanMissionRequest": Extra((Item("string", "file", comment=_FILE),), _PLACES),
+    "Photo": Extra((RosField("uint32", "camera", comment="the camera's number"),)),
+    "PlanMissionRequest": Extra((RosField("string", "file", comment=_FILE),), _PLACES),
     "PlanMissionResponse": Extra(after=(_LEFT_OUT,)),
-    "UploadMissionRequest": Extra((Item("string", "file", comment=_FILE),), _PLACES),
+    "UploadMissionRequest": Extra((RosField("string", "file", comment=_FILE),), _PLACES),
     "UploadMissionResponse": Extra(after=(_LEFT_OUT,)),
     "UploadFenceRequest": Extra(
         (
-            Item(
+            RosField(
                 "string",
                 "file",
                 comment="the text of a .plan of QGroundControl, or of a file of Mission Planner (QGC WPL 110); ...",
@@ -118,7 +124,7 @@ EXTRA = {
         )
     ),
 }
-FIELDS: dict[str, Part | Called | Flat | Flag | None] = {
+FIELDS: dict[str, FieldPart | Called | Flat | Flag | None] = {
     # --- Names
     "CameraStatus.recording_s": Called("recording_time"),
     "CameraStorage.state": Called("storage"),
@@ -135,11 +141,11 @@ FIELDS: dict[str, Part | Called | Flat | Flag | None] = {
     "ReturnToLaunchRequest.height_m": Called(type="float32"),
     "PlaceOnGroundRequest.position": Called(type="geometry_msgs/Point"),
     "ListFaultsResponse.faults": Called(type="Fault[]"),
-    "Geofence.corners": Part(
-        (Item("geometry_msgs/Point[]", "corners", "[vector(each) for each in {corners}]"),),
+    "Geofence.corners": FieldPart(
+        (RosField("geometry_msgs/Point[]", "corners", "[vector(each) for each in {corners}]"),),
         (("corners", "tuple(map(values.vector, {m}.corners))"),),
     ),
-    "MissionProgress.stage": Part.of(
+    "MissionProgress.stage": FieldPart.of(
         "string",
         "stage",
         "{stage}.name",
@@ -165,27 +171,27 @@ FIELDS: dict[str, Part | Called | Flat | Flag | None] = {
     "GeoWaypoint.yaw_rad": Flag("has_yaw"),
     "GoToWaypointGeoRequest.yaw_rad": Flag("has_yaw"),
     "GetImageRequest.photo": Flag("is_photo"),
-    "SetCameraFocusRequest.percent": Part(
+    "SetCameraFocusRequest.percent": FieldPart(
         (
-            Item("bool", "is_automatic", "{percent} is None", "the camera focuses by itself, once; else to:"),
-            Item("float64", "focus", "0.0 if {percent} is None else {percent} / 100.0", "0 (near) to 1 (far)"),
+            RosField("bool", "is_automatic", "{percent} is None", "the camera focuses by itself, once; else to:"),
+            RosField("float64", "focus", "0.0 if {percent} is None else {percent} / 100.0", "0 (near) to 1 (far)"),
         ),
         (("percent", "None if {m}.is_automatic else 100.0 * {m}.focus"),),
     ),
-    "TakeOffItem.place": Part(
+    "TakeOffItem.place": FieldPart(
         (
-            Item("bool", "has_place", "{latitude_deg} is not None", "it flies to the place after its climb"),
-            Item("GeoPoint", "place", "geo_point_fields(({latitude_deg}, {longitude_deg}))"),
+            RosField("bool", "has_place", "{latitude_deg} is not None", "it flies to the place after its climb"),
+            RosField("GeoPoint", "place", "geo_point_fields(({latitude_deg}, {longitude_deg}))"),
         ),
         (
             ("latitude_deg", "{m}.place.latitude if {m}.has_place else None"),
             ("longitude_deg", "{m}.place.longitude if {m}.has_place else None"),
         ),
     ),
-    "Frame.transform": Part(
+    "Frame.transform": FieldPart(
         (
-            Item("bool", "is_known", "{transform} is not None", "whether it is known (yet) where it is"),
-            Item(
+            RosField("bool", "is_known", "{transform} is not None", "whether it is known (yet) where it is"),
+            RosField(
                 "geometry_msgs/Transform",
                 "transform",
                 "transform({transform})",
@@ -194,20 +200,20 @@ FIELDS: dict[str, Part | Called | Flat | Flag | None] = {
         ),
         (("transform", "link_of({m})"),),
     ),
-    "Geofence.circle": Part(
+    "Geofence.circle": FieldPart(
         (
-            Item("bool", "has_circle", "{circle} is not None"),
-            Item(
+            RosField("bool", "has_circle", "{circle} is not None"),
+            RosField(
                 "geometry_msgs/Point",
                 "center",
                 "{{}} if {circle} is None else vector({circle}.center)",
                 "its z says nothing",
             ),
-            Item("float64", "radius", "0.0 if {circle} is None else {circle}.radius_m", "m"),
+            RosField("float64", "radius", "0.0 if {circle} is None else {circle}.radius_m", "m"),
         ),
         (("circle", "ual.types.Circle(values.vector({m}.center), {m}.radius) if {m}.has_circle else None"),),
     ),
-    "Geofence.min_z_m": Part.of(
+    "Geofence.min_z_m": FieldPart.of(
         "float64",
         "min_z",
         "-math.inf if {min_z_m} is None else {min_z_m}",
@@ -215,7 +221,7 @@ FIELDS: dict[str, Part | Called | Flat | Flag | None] = {
         "finite({m}.min_z)",
         "m; the highest of all lower edges; -infinity: there is none",
     ),
-    "Geofence.max_z_m": Part.of(
+    "Geofence.max_z_m": FieldPart.of(
         "float64",
         "max_z",
         "math.inf if {max_z_m} is None else {max_z_m}",
@@ -223,7 +229,7 @@ FIELDS: dict[str, Part | Called | Flat | Flag | None] = {
         "finite({m}.max_z)",
         "m; the lowest of all upper edges; infinity: there is none",
     ),
-    "Task.waypoint_index": Part.of(
+    "Task.waypoint_index": FieldPart.of(
         "int32",
         "waypoint_index",
         "-1 if {waypoint_index} is None else {waypoint_index}",
@@ -232,7 +238,7 @@ FIELDS: dict[str, Part | Called | Flat | Flag | None] = {
         "of the pose, or the mission's item, that it flies to, from 0; -1 where it cannot be told",
     ),
     # --- Where Python has another form
-    "GetInfoResponse.capabilities": Part.of(
+    "GetInfoResponse.capabilities": FieldPart.of(
         "string[]",
         "capabilities",
         "sorted(each.name for each in {capabilities})",
@@ -240,21 +246,21 @@ FIELDS: dict[str, Part | Called | Flat | Flag | None] = {
         "frozenset(ual.types.Capability[each] for each in {m}.capabilities)",
         "such as TAKE_OFF and POSITION: what is not here is refused with NOT_SUPPORTED",
     ),
-    "Parameter.value": Part.of("float64", "value", "float({value})", "value", "parameter_value({m})"),
-    "SetParameterRequest.value": Part.of("float64", "value", "float({value})", "value", "{m}.value"),
-    "Task.id": Part.of("string", "task_id", "{id}", "id", "{m}.task_id"),
-    "Task.error": Part(
+    "Parameter.value": FieldPart.of("float64", "value", "float({value})", "value", "parameter_value({m})"),
+    "SetParameterRequest.value": FieldPart.of("float64", "value", "float({value})", "value", "{m}.value"),
+    "Task.id": FieldPart.of("string", "task_id", "{id}", "id", "{m}.task_id"),
+    "Task.error": FieldPart(
         (
-            Item(
+            RosField(
                 "string",
                 "reason",
                 '"" if {error} is None else {error}.reason',
                 "why it was aborted or failed: the name of the error in docs/reference/errors.md; else empty",
             ),
-            Item(
+            RosField(
                 "string", "message", '"" if {error} is None else {error}.message', "the error's words, human-readable"
             ),
-            Item(
+            RosField(
                 "diagnostic_msgs/KeyValue[]",
                 "metadata",
                 "[] if {error} is None else key_values({error}.metadata)",
@@ -263,12 +269,12 @@ FIELDS: dict[str, Part | Called | Flat | Flag | None] = {
         ),
         (("error", "error_of({m}) if {m}.reason else None"),),
     ),
-    "RallyPoint.latitude_deg": Part(
-        (Item("GeoPoint", "place", "geo_point_fields(({latitude_deg}, {longitude_deg}))"),),
+    "RallyPoint.latitude_deg": FieldPart(
+        (RosField("GeoPoint", "place", "geo_point_fields(({latitude_deg}, {longitude_deg}))"),),
         (("latitude_deg", "{m}.place.latitude"), ("longitude_deg", "{m}.place.longitude")),
     ),
     "RallyPoint.longitude_deg": None,
-    "RallyPoint.is_amsl": Part.of(
+    "RallyPoint.is_amsl": FieldPart.of(
         "bool",
         "is_amsl",
         "{reference} is ual.AltitudeReference.AMSL",
@@ -278,7 +284,7 @@ FIELDS: dict[str, Part | Called | Flat | Flag | None] = {
     ),
     "Geofence.header": None,
     # --- Messages of ROS, and of others
-    "Camera.intrinsics": Part.of(
+    "Camera.intrinsics": FieldPart.of(
         "sensor_msgs/CameraInfo",
         "camera_info",
         "pictures.camera_info({self})",
@@ -286,15 +292,15 @@ FIELDS: dict[str, Part | Called | Flat | Flag | None] = {
         "intrinsics({m}.camera_info)",
         "without zoom; matrices of zeros where that is not known",
     ),
-    "Photo.stamp": Part(
-        (Item("Viewpoint", "viewpoint", "pictures.viewpoint({self})", "from where it was taken"),),
+    "Photo.stamp": FieldPart(
+        (RosField("Viewpoint", "viewpoint", "pictures.viewpoint({self})", "from where it was taken"),),
         (("**", "read_viewpoint({m}.viewpoint)"),),
     ),
     "Photo.body": None,
     "Photo.camera": None,
     "Photo.position_geo": None,
-    "GimbalStatus.stamp": Part((), (("stamp_s", "values.stamp_s({m}.header.stamp) or None"),)),
-    "SetGimbalAnglesRequest.reference": Part.of(
+    "GimbalStatus.stamp": FieldPart((), (("stamp_s", "values.stamp_s({m}.header.stamp) or None"),)),
+    "SetGimbalAnglesRequest.reference": FieldPart.of(
         "string",
         "reference",
         "{reference}.name",
@@ -302,29 +308,29 @@ FIELDS: dict[str, Part | Called | Flat | Flag | None] = {
         'named(ual.gimbals.GimbalReference, {m}.reference, "reference", ual.gimbals.GimbalReference.HORIZON)',
         "BODY, HORIZON or EARTH: from what they count; empty is taken as HORIZON",
     ),
-    "GetRouteResponse.route": Part(
+    "GetRouteResponse.route": FieldPart(
         (
-            Item(
+            RosField(
                 "bool", "is_flown", comment="else nothing is flown whose way is known, as in a landing or by velocities"
             ),
-            Item("nav_msgs/Path", "route", comment="in map"),
-            Item("string", "task_id", comment="empty: a reference leads there"),
-            Item("bool", "is_goal_moving", comment="and so does the way to it"),
+            RosField("nav_msgs/Path", "route", comment="in map"),
+            RosField("string", "task_id", comment="empty: a reference leads there"),
+            RosField("bool", "is_goal_moving", comment="and so does the way to it"),
         )
     ),
-    "GetImageResponse.info": Part(
+    "GetImageResponse.info": FieldPart(
         (
-            Item("sensor_msgs/CompressedImage", "compressed", comment="of COLOUR and SEGMENTATION"),
-            Item("sensor_msgs/Image", "distances", comment="of DEPTH and RANGE, as REP 118 has them"),
-            Item(
+            RosField("sensor_msgs/CompressedImage", "compressed", comment="of COLOUR and SEGMENTATION"),
+            RosField("sensor_msgs/Image", "distances", comment="of DEPTH and RANGE, as REP 118 has them"),
+            RosField(
                 "sensor_msgs/CameraInfo",
                 "camera_info",
                 comment="as it is zoomed in this picture; matrices of zeros where that is not known",
             ),
-            Item("Viewpoint", "viewpoint", comment="from where it was taken"),
+            RosField("Viewpoint", "viewpoint", comment="from where it was taken"),
         )
     ),
-    "ExternalPose.pose": Part.of(
+    "ExternalPose.pose": FieldPart.of(
         "geometry_msgs/PoseStamped",
         "pose",
         "pose_stamped({pose})",
@@ -332,9 +338,9 @@ FIELDS: dict[str, Part | Called | Flat | Flag | None] = {
         "values.pose_stamped({m}.pose, stamp_s=values.stamp_s({m}.pose.header.stamp))",
         "with its whole orientation; the stamp is when it was measured, zeros: just now",
     ),
-    "FollowPathRequest.geo_waypoints": Part(
+    "FollowPathRequest.geo_waypoints": FieldPart(
         (
-            Item(
+            RosField(
                 "GeoWaypoint[]",
                 "geo_waypoints",
                 "[geo_waypoint_fields(each) for each in {waypoints} if isinstance(each, ual.GeoWaypoint)]",
@@ -342,7 +348,7 @@ FIELDS: dict[str, Part | Called | Flat | Flag | None] = {
             ),
         )
     ),
-    "FollowPathRequest.point_of_interest": Part.of(
+    "FollowPathRequest.point_of_interest": FieldPart.of(
         "geometry_msgs/PointStamped",
         "point_of_interest",
         "point_stamped({point_of_interest})",
@@ -350,9 +356,9 @@ FIELDS: dict[str, Part | Called | Flat | Flag | None] = {
         "paths.point_of_interest({m})",
         "only with POINT_OF_INTEREST",
     ),
-    "FollowPathRequest.waypoints": Part(
+    "FollowPathRequest.waypoints": FieldPart(
         (
-            Item(
+            RosField(
                 "nav_msgs/Path",
                 "path",
                 "path({waypoints})",
@@ -362,7 +368,7 @@ FIELDS: dict[str, Part | Called | Flat | Flag | None] = {
         (("waypoints", "paths.waypoints({m})"),),
     ),
     "GetImageResponse.data": None,
-    "GetEquipmentResponse.grippers": Part((Item("Device[]", "devices"),)),
+    "GetEquipmentResponse.grippers": FieldPart((RosField("Device[]", "devices"),)),
     "GetEquipmentResponse.winches": None,
     "GetEquipmentResponse.servos": None,
     "GetEquipmentResponse.relays": None,
@@ -495,27 +501,27 @@ NO_TASKS = ("GetTask", "WatchTask")
 ONLY_ACTIONS = ("FollowPath",)
 ONLY_ACTION = ("non_blocking", "dry_run", "force", "max_speed", "has_yaw", "yaw")
 """Fields of a task that only its action has: the service has those of UAL for ROS 1."""
-BLOCKING = Item("bool", "blocking", comment="answer when it has ended, instead of when it has begun")
+BLOCKING = RosField("bool", "blocking", comment="answer when it has ended, instead of when it has begun")
 NOT_OF_ACTION = ("non_blocking",)
 FEEDBACK = (
-    Item("uint8", "state", comment="as in ual_msgs/State"),
-    Item("string", "reason", comment="what the state follows from, human-readable"),
-    Item("float64", "distance_left", comment="m; NaN where it cannot be told"),
-    Item("float64", "progress", comment="0 to 1; NaN where it cannot be told"),
-    Item("bool", "is_paused", comment="stopped on its way by `pause`"),
+    RosField("uint8", "state", comment="as in ual_msgs/State"),
+    RosField("string", "reason", comment="what the state follows from, human-readable"),
+    RosField("float64", "distance_left", comment="m; NaN where it cannot be told"),
+    RosField("float64", "progress", comment="0 to 1; NaN where it cannot be told"),
+    RosField("bool", "is_paused", comment="stopped on its way by `pause`"),
 )
 """Feedback of an action while a task runs."""
 FEEDBACK_OF = {
     "FollowPath": (
-        Item("int32", "waypoint_index", comment="of the pose that it flies to, from 0; -1 where it cannot be told"),
+        RosField("int32", "waypoint_index", comment="of the pose that it flies to, from 0; -1 where it cannot be told"),
     ),
 }
 FEEDBACK_AFTER = {
     "StartMission": (
-        Item("MissionProgress", "mission", comment="the item that it flies to, and the one that it reached last"),
+        RosField("MissionProgress", "mission", comment="the item that it flies to, and the one that it reached last"),
     ),
 }
-ITS_TASK = Item("string", "task_id", comment="for get_task, cancel_task, pause_task and resume_task")
-WAS_TASK = Item("string", "task_id", comment="of the task that it was; empty: none began")
-PLAN = Item("Plan", "plan", comment="only with dry_run")
-TASK_ID = Item("string", "task_id", comment="of the task that it began; empty: none began")
+ITS_TASK = RosField("string", "task_id", comment="for get_task, cancel_task, pause_task and resume_task")
+WAS_TASK = RosField("string", "task_id", comment="of the task that it was; empty: none began")
+PLAN = RosField("Plan", "plan", comment="only with dry_run")
+TASK_ID = RosField("string", "task_id", comment="of the task that it began; empty: none began")

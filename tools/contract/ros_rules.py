@@ -73,7 +73,7 @@ _LACKING = {"Quaternion": "zeros", "AngleRange": "NaN", "PointStamped": "an empt
 
 
 @dataclass(frozen=True)
-class Item:
+class RosField:
     """A field of ROS, and the expression of its content."""
 
     type: str
@@ -83,24 +83,24 @@ class Item:
 
 
 @dataclass(frozen=True)
-class Part:
+class FieldPart:
     """Part of a ROS message that stands for one field: its fields, and the attributes and expressions that read
     them.
     """
 
-    items: tuple[Item, ...] = ()
+    items: tuple[RosField, ...] = ()
     reads: tuple[tuple[str, str], ...] = ()
 
     @classmethod
-    def of(cls, type: str, name: str, told: str, attribute: str, read: str, comment: str = "") -> Part:  # noqa: A002
+    def of(cls, type: str, name: str, told: str, attribute: str, read: str, comment: str = "") -> FieldPart:  # noqa: A002
         """Makes one of one field and one attribute."""
-        return cls((Item(type, name, told, comment),), ((attribute, read),))
+        return cls((RosField(type, name, told, comment),), ((attribute, read),))
 
 
 _PLACE = ("latitude_deg", "longitude_deg", "altitude_m")
-_FIX = Part(
+_FIX = FieldPart(
     (
-        Item(
+        RosField(
             "sensor_msgs/NavSatFix",
             "waypoint",
             "fix({latitude_deg}, {longitude_deg}, {altitude_m})",
@@ -136,7 +136,7 @@ class Flag:
     name: str
 
 
-Otherwise: TypeAlias = "Part | Called | Flat | Flag | None"
+Otherwise: TypeAlias = "FieldPart | Called | Flat | Flag | None"
 
 
 class Rules:
@@ -168,7 +168,7 @@ class Rules:
 
     def parts(
         self, message: Descriptor, hints: dict[str, Hint] | None = None, only: Sequence[str] | None = None
-    ) -> list[Part]:
+    ) -> list[FieldPart]:
         """Returns what ROS has of each field of a message. The hints are of its class, or of the arguments."""
         if hints is None:
             hints = hints_of(kind_of(message))
@@ -178,7 +178,7 @@ class Rules:
             return [self.part(field, hints) for field in fields]
         return [_FIX, *(self.part(field, hints) for field in rest)]
 
-    def part(self, field: FieldDescriptor, hints: dict[str, Hint]) -> Part:
+    def part(self, field: FieldDescriptor, hints: dict[str, Hint]) -> FieldPart:
         """Returns what ROS has of a field."""
         key = f"{field.containing_type.name}.{field.name}"
         comment = self._comments.get(field.full_name, "")
@@ -186,13 +186,13 @@ class Rules:
         if key in self._otherwise:
             self.used.add(key)
         if found is None:
-            return Part()
+            return FieldPart()
         if isinstance(found, Flat):
             return self._flat(field, hints)
         if isinstance(found, Flag):
             return self._flagged(field, found.name, comment)
-        if isinstance(found, Part):
-            return Part(tuple(_commented(each, comment) for each in found.items), found.reads)
+        if isinstance(found, FieldPart):
+            return FieldPart(tuple(_commented(each, comment) for each in found.items), found.reads)
         part = self._by_rule(field, comment, hints)
         if found.name or found.type:
             [item] = part.items
@@ -201,7 +201,7 @@ class Rules:
             read = read.replace(f"{{m}}.{item.name}", f"{{m}}.{other.name}").replace(
                 f'"{item.name}"', f'"{other.name}"'
             )
-            return Part((other,), ((attribute, read),))
+            return FieldPart((other,), ((attribute, read),))
         return part
 
     def _attribute(self, field: FieldDescriptor) -> str:
@@ -210,7 +210,7 @@ class Rules:
         named: str = self._options.read("Field", "field_facts", field.GetOptions()).name
         return named or (f"{field.name}_s" if is_time else field.name)
 
-    def _by_rule(self, field: FieldDescriptor, comment: str, hints: dict[str, Hint]) -> Part:
+    def _by_rule(self, field: FieldDescriptor, comment: str, hints: dict[str, Hint]) -> FieldPart:
         attribute = self._attribute(field)
         hint = hints.get(attribute, Hint(field.has_presence and field.message_type is None, None, None))
         if field.message_type is not None:
@@ -219,7 +219,7 @@ class Rules:
             return self._of_enum(field, attribute, hint, comment)
         return self._of_scalar(field, attribute, hint, comment)
 
-    def _flat(self, field: FieldDescriptor, hints: dict[str, Hint]) -> Part:
+    def _flat(self, field: FieldDescriptor, hints: dict[str, Hint]) -> FieldPart:
         """Returns the fields of a message that stand in the one around it. Arguments stand flat in Python, too."""
         attribute = field.name
         parts = self.parts(field.message_type)
@@ -227,12 +227,12 @@ class Rules:
         reads = [each for part in parts for each in part.reads]
         hint = hints.get(attribute)
         if hint is None:
-            return Part(tuple(items), tuple(reads))
+            return FieldPart(tuple(items), tuple(reads))
         kind = kind_of(field.message_type)
         made = f"{kind}({', '.join(f'{name}={read}' for name, read in reads)})"
         if not hint.is_optional:
             inside = tuple(replace(each, told=_inside(each.told, attribute)) for each in items)
-            return Part(inside, ((attribute, made),))
+            return FieldPart(inside, ((attribute, made),))
         inside = tuple(
             replace(
                 each,
@@ -245,25 +245,25 @@ class Rules:
         )
         first = items[0]
         lacks = f"math.isnan({{m}}.{first.name})" if first.type == "float64" else f"not {{m}}.{first.name}"
-        return Part(inside, ((attribute, f"None if {lacks} else {made}"),))
+        return FieldPart(inside, ((attribute, f"None if {lacks} else {made}"),))
 
-    def _flagged(self, field: FieldDescriptor, flag: str, comment: str) -> Part:
+    def _flagged(self, field: FieldDescriptor, flag: str, comment: str) -> FieldPart:
         attribute, name = self._attribute(field), named(field)
         x, f, unit = f"{{{attribute}}}", f"{{m}}.{name}", _UNIT.search(field.name)
         kind = _TYPES[field.type]
         zero = "0.0" if kind == "float64" else "0"
         text = ros_comments.beside(_UNITS[unit[1]] if unit else "", ros_comments.unset(comment, "not given"))
-        return Part(
+        return FieldPart(
             (
-                Item("bool", flag, f"{x} is not None", f"whether `{name}` is given"),
-                Item(kind, name, f"{zero} if {x} is None else {x}", text),
+                RosField("bool", flag, f"{x} is not None", f"whether `{name}` is given"),
+                RosField(kind, name, f"{zero} if {x} is None else {x}", text),
             ),
             ((attribute, f"{f} if {{m}}.{flag} else None"),),
         )
 
     # --- Numbers and texts --------------------------------------------------------------------------------------------
 
-    def _of_scalar(self, field: FieldDescriptor, attribute: str, hint: Hint, comment: str) -> Part:
+    def _of_scalar(self, field: FieldDescriptor, attribute: str, hint: Hint, comment: str) -> FieldPart:
         unit = _UNIT.search(field.name)
         name = named(field)
         comment = ros_comments.without_unit(comment) if unit else comment
@@ -272,12 +272,12 @@ class Rules:
             comment = re.sub(r"\bto 100\b", "to 1", comment)
         if field.is_repeated:
             text = ros_comments.beside(_UNITS[unit[1]] if unit else "", comment)
-            return Part.of(f"{kind}[]", name, f"list({x})", attribute, f"{_container(hint)}({f})", text)
+            return FieldPart.of(f"{kind}[]", name, f"list({x})", attribute, f"{_container(hint)}({f})", text)
         if kind == "bool" and hint.is_optional:
-            return Part(
+            return FieldPart(
                 (
-                    Item("bool", name, f"bool({x})", ros_comments.beside(ros_comments.without_unset(comment))),
-                    Item("bool", f"{name}_known", f"{x} is not None", "false: it does not say"),
+                    RosField("bool", name, f"bool({x})", ros_comments.beside(ros_comments.without_unset(comment))),
+                    RosField("bool", f"{name}_known", f"{x} is not None", "false: it does not say"),
                 ),
                 ((attribute, f"{f} if {f}_known else None"),),
             )
@@ -290,42 +290,44 @@ class Rules:
             comment = ros_comments.beside(
                 comment, f"{absent}: not known" if not is_asked else f"{absent}: none is given"
             )
-        return Part.of(kind, name, told, attribute, read, ros_comments.beside(_says(unit, comment), comment))
+        return FieldPart.of(kind, name, told, attribute, read, ros_comments.beside(_says(unit, comment), comment))
 
     # --- Enums --------------------------------------------------------------------------------------------------------
 
-    def _of_enum(self, field: FieldDescriptor, attribute: str, hint: Hint, comment: str) -> Part:
+    def _of_enum(self, field: FieldDescriptor, attribute: str, hint: Hint, comment: str) -> FieldPart:
         name, x, f = field.name, f"{{{attribute}}}", f"{{m}}.{field.name}"
         kind = kind_of(field.enum_type)
         names = members_of(kind)
         if field.enum_type.name in NUMBERED:
             read = f"values.{snake(field.enum_type.name)}({f})"
             text = ros_comments.beside("one of the above", f"0 is taken as {names[0]}")
-            return Part.of("uint8", name, f"{x}.value", attribute, read, text)
+            return FieldPart.of("uint8", name, f"{x}.value", attribute, read, text)
         listed = ros_comments.listed(names)
         if field.is_repeated:
             read = f"frozenset({kind}[each] for each in {f})"
-            return Part.of("string[]", name, f"names_of({x})", attribute, read, ros_comments.beside(listed, comment))
+            return FieldPart.of(
+                "string[]", name, f"names_of({x})", attribute, read, ros_comments.beside(listed, comment)
+            )
         text = ros_comments.beside(listed, ros_comments.unset(comment, "empty"))
         is_asked = field.containing_type.name in self._asked
         read = f'named({kind}, {f}, "{name}")' if is_asked else f"{kind}[{f}]"
         if (zero := zero_of(kind)) is not None:  # one that stands for what is not named
             text = ros_comments.beside(text, f"empty: {zero.lower()}")
-            return Part.of("string", name, f"name_of({x})", attribute, f"{read} if {f} else {kind}.{zero}", text)
+            return FieldPart.of("string", name, f"name_of({x})", attribute, f"{read} if {f} else {kind}.{zero}", text)
         if hint.is_optional:
             if "empty" not in text:
                 text += "; empty: not known"
-            return Part.of("string", name, f"name_of({x})", attribute, f"{read} if {f} else None", text)
-        return Part.of("string", name, f"{x}.name", attribute, read, text)
+            return FieldPart.of("string", name, f"name_of({x})", attribute, f"{read} if {f} else None", text)
+        return FieldPart.of("string", name, f"{x}.name", attribute, read, text)
 
     # --- Messages -----------------------------------------------------------------------------------------------------
 
-    def _of_message(self, field: FieldDescriptor, attribute: str, hint: Hint, comment: str) -> Part:
+    def _of_message(self, field: FieldDescriptor, attribute: str, hint: Hint, comment: str) -> FieldPart:
         name, x, f = named(field), f"{{{attribute}}}", f"{{m}}.{named(field)}"
         kind, text = field.message_type.name, ros_comments.beside(comment)
         if kind == "Timestamp":
             absent = ros_comments.beside(ros_comments.unset(comment, "zero"))
-            return Part.of(
+            return FieldPart.of(
                 "builtin_interfaces/Time",
                 name,
                 f"stamp({x})",
@@ -336,10 +338,10 @@ class Rules:
         if kind == "Duration":
             told, read, absent = _scalar("float64", hint, x, f, is_asked=False)
             text = ros_comments.beside("seconds", comment, f"{absent}: not known" if absent else "")
-            return Part.of("float64", name, told, attribute, read, text)
+            return FieldPart.of("float64", name, told, attribute, read, text)
         if kind == "MissionPlace":  # two attributes in Python
-            return Part(
-                (Item("GeoPoint", name, "geo_point_fields(({latitude_deg}, {longitude_deg}))", text),),
+            return FieldPart(
+                (RosField("GeoPoint", name, "geo_point_fields(({latitude_deg}, {longitude_deg}))", text),),
                 (("latitude_deg", f"{f}.latitude"), ("longitude_deg", f"{f}.longitude")),
             )
         if kind in _GEOMETRY:
@@ -351,21 +353,21 @@ class Rules:
             if hint.is_optional and kind in _LACKING and _LACKING[kind] not in text:
                 text = f"{text.removesuffix('.')}; {_LACKING[kind]}: not known"
             text = ros_comments.beside(_UNITS[unit[1]] if unit else "", text)
-            return Part.of(type_, name, _in(told, x, f), attribute, _in(read, x, f), text)
+            return FieldPart.of(type_, name, _in(told, x, f), attribute, _in(read, x, f), text)
         struct = self._struct_of(field.message_type)
         told, read = f"{snake(struct)}_fields", f"read_{snake(struct)}"
         if field.is_repeated:
             items = f"[{told}(each) for each in {x}]"
             if field.containing_type.name in self._asked:
-                return Part.of(
+                return FieldPart.of(
                     f"{struct}[]", name, items, attribute, f'{_container(hint)}(read_all({read}, {f}, "{name}"))', text
                 )
-            return Part.of(f"{struct}[]", name, items, attribute, f"{_container(hint)}(map({read}, {f}))", text)
+            return FieldPart.of(f"{struct}[]", name, items, attribute, f"{_container(hint)}(map({read}, {f}))", text)
         if hint.is_optional:
             items = f"[] if {x} is None else [{told}({x})]"
             text = ros_comments.beside(ros_comments.unset(comment, "none"))
-            return Part.of(f"{struct}[<=1]", name, items, attribute, f"next(map({read}, {f}), None)", text)
-        return Part.of(struct, name, f"{told}({x})", attribute, f"{read}({f})", text)
+            return FieldPart.of(f"{struct}[<=1]", name, items, attribute, f"next(map({read}, {f}), None)", text)
+        return FieldPart.of(struct, name, f"{told}({x})", attribute, f"{read}({f})", text)
 
 
 def named(field: FieldDescriptor) -> str:
@@ -373,7 +375,7 @@ def named(field: FieldDescriptor) -> str:
     return _UNIT.sub("", field.name) or field.name
 
 
-def _commented(item: Item, comment: str) -> Item:
+def _commented(item: RosField, comment: str) -> RosField:
     return item if item.comment else replace(item, comment=ros_comments.beside(comment))
 
 

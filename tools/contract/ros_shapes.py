@@ -12,7 +12,7 @@ from google.protobuf.descriptor_pool import DescriptorPool
 
 from tools.contract import ros_comments, ros_names
 from tools.contract.options import Options
-from tools.contract.ros_rules import NUMBERED, Flat, Item, Part, Rules, named
+from tools.contract.ros_rules import NUMBERED, FieldPart, Flat, RosField, Rules, named
 from tools.contract.ros_values import Hint, arguments_of, hints_of, kind_of, members_of
 from tools.contract.words import snake
 
@@ -25,7 +25,7 @@ class Variant:
 
     name: str
     kind: str
-    part: Part
+    part: FieldPart
 
 
 @dataclass(frozen=True)
@@ -35,8 +35,8 @@ class Struct:
     name: str
     kind: str
     head: str
-    items: tuple[Item, ...]
-    part: Part
+    items: tuple[RosField, ...]
+    part: FieldPart
     constants: tuple[str, ...] = ()
     variants: tuple[Variant, ...] = ()
     is_asked: bool = False
@@ -53,10 +53,10 @@ class Served:
     name: str
     type: str
     head: str
-    request: Part
-    response: Part
-    request_items: tuple[Item, ...]
-    response_items: tuple[Item, ...]
+    request: FieldPart
+    response: FieldPart
+    request_items: tuple[RosField, ...]
+    response_items: tuple[RosField, ...]
     service: str
     member: str
     """Member that it calls, as ``uav.gripper.grip``; empty: by hand."""
@@ -64,7 +64,7 @@ class Served:
     constants: tuple[str, ...]
     frames: tuple[str, ...]
     """The fields of a request that name the frames that it is given in."""
-    goal_items: tuple[Item, ...]
+    goal_items: tuple[RosField, ...]
     """Of the action that flies it."""
     goal_frames: tuple[str, ...]
     has_plan: bool
@@ -192,7 +192,7 @@ class Shapes:
             for each in message.fields
             if each.containing_oneof is None
         ]
-        common = Part(tuple(i for p in own for i in p.items), tuple(r for p in own for r in p.reads))
+        common = FieldPart(tuple(i for p in own for i in p.items), tuple(r for p in own for r in p.reads))
         variants = [
             Variant(
                 each.name.upper(),
@@ -202,7 +202,7 @@ class Shapes:
             for each in kinds
         ]
         names = ros_comments.listed([each.name for each in variants])
-        kind = Item("string", "kind", "", f"{names}; what follows is of the kinds that have it")
+        kind = RosField("string", "kind", "", f"{names}; what follows is of the kinds that have it")
         items = (*extra.before, *common.items, kind, *_merged(variants), *extra.after)
         constants = next(filter(None, (_constants(each.message_type) for each in kinds)), ())
         head = self._comments.get(message.full_name, "")
@@ -210,11 +210,11 @@ class Shapes:
         return Struct(name, kind_of(message), head, items, common, constants[:2], tuple(variants), is_asked, is_told)
 
     @staticmethod
-    def _ordered(message: Descriptor, parts: Sequence[Part]) -> Part:
+    def _ordered(message: Descriptor, parts: Sequence[FieldPart]) -> FieldPart:
         items = [item for part in parts for item in part.items]
         order = {name: index for index, name in enumerate(ros_names.ORDER.get(message.name, ()))}
         items.sort(key=lambda item: order.get(item.name, len(order)))
-        return Part(tuple(items), tuple(read for part in parts for read in part.reads))
+        return FieldPart(tuple(items), tuple(read for part in parts for read in part.reads))
 
     # --- Services -----------------------------------------------------------------------------------------------------
 
@@ -232,7 +232,7 @@ class Shapes:
         told = ros_names.EXTRA.get(method.output_type.name, ros_names.Extra())
         request_items = (*asked.before, *request.items, *asked.after)
         response_items = (*told.before, *response.items, *told.after)
-        goal_items: tuple[Item, ...] = ()
+        goal_items: tuple[RosField, ...] = ()
         told_fields = {each.name for each in method.output_type.fields}
         if "task" in told_fields and method.name not in ros_names.NO_TASKS:
             goal_items = request_items
@@ -304,7 +304,7 @@ class Shapes:
                 ]
 
 
-def _frames(items: Sequence[Item]) -> tuple[str, ...]:
+def _frames(items: Sequence[RosField]) -> tuple[str, ...]:
     """Returns the fields of a request that name the frames that it is given in."""
     stamped = (f"{each.name}.header.frame_id" for each in items if each.type in _IN_A_FRAME)
     return (*stamped, *(each.name for each in items if each.name == "frame_id"))
@@ -315,9 +315,9 @@ def _kinds(message: Descriptor) -> list[FieldDescriptor]:
     return list(real[0].fields) if len(real) == 1 and real[0].name == "kind" else []
 
 
-def _merged(variants: Sequence[Variant]) -> Iterator[Item]:
+def _merged(variants: Sequence[Variant]) -> Iterator[RosField]:
     """Yields the fields of all kinds, each once, with the kinds that have it."""
-    found: dict[str, list[tuple[str, Item]]] = {}
+    found: dict[str, list[tuple[str, RosField]]] = {}
     for variant in variants:
         for item in variant.part.items:
             found.setdefault(item.name, []).append((variant.name, item))
@@ -325,7 +325,7 @@ def _merged(variants: Sequence[Variant]) -> Iterator[Item]:
         names = [name for name, _ in same]
         item = next((each for _, each in same if each.comment), same[0][1])
         of = f"of {', '.join(names[:-1])} and {names[-1]}" if len(names) > 1 else f"of {names[0]}"
-        yield Item(item.type, item.name, "", f"{of}: {item.comment}" if item.comment else of)
+        yield RosField(item.type, item.name, "", f"{of}: {item.comment}" if item.comment else of)
 
 
 def _constants(message: Descriptor) -> tuple[str, ...]:

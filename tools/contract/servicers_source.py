@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from tools.contract import requests
 from tools.contract.behaviour import Behaviour, behaviour
 from tools.contract.compiled import ROOT
-from tools.contract.parts import Member, Part
+from tools.contract.parts import ContractPart, PartMember
 from tools.contract.python_source import classes, imports, names_in
 from tools.contract.values import Values
 from tools.contract.words import snake
@@ -17,7 +17,7 @@ BY_HAND = ROOM / "by_hand.py"
 """The methods that are more than unpack, call and pack: ``XServiceBase`` is a base of the servicer of ``XService``."""
 
 
-def source(values: Values, parts: Sequence[Part]) -> str:
+def source(values: Values, parts: Sequence[ContractPart]) -> str:
     """Returns the module of a service, of its one or two parts."""
     [owner] = [each for each in parts if not each.bound]
     does, service = behaviour(owner), owner.service
@@ -40,7 +40,7 @@ class {service.removesuffix("Service")}Servicer({bases}):
     return _head(owner, does, body, f"{service}Base" * bool(by_hand)) + body
 
 
-def _head(owner: Part, does: Behaviour, body: str, base: str) -> str:
+def _head(owner: ContractPart, does: Behaviour, body: str, base: str) -> str:
     used = names_in(body)
     helpers = sorted({"answer", "answers"} & used)
     return (
@@ -62,7 +62,7 @@ def _head(owner: Part, does: Behaviour, body: str, base: str) -> str:
     )
 
 
-def _method(values: Values, does: Behaviour, part: Part, member: Member) -> str:
+def _method(values: Values, does: Behaviour, part: ContractPart, member: PartMember) -> str:
     assert member.method is not None
     assert member.request is not None
     assert member.response is not None
@@ -72,7 +72,7 @@ def _method(values: Values, does: Behaviour, part: Part, member: Member) -> str:
     return f"\n    @override\n    async def {name}({arguments}) -> {returned}:\n{_answer(values, does, part, member)}"
 
 
-def _answer(values: Values, does: Behaviour, part: Part, member: Member) -> str:
+def _answer(values: Values, does: Behaviour, part: ContractPart, member: PartMember) -> str:
     assert member.method is not None
     if requests.is_special(member):
         arguments = [f"**requests.{snake(member.method.name)}_arguments(request)"]
@@ -98,7 +98,7 @@ def _answer(values: Values, does: Behaviour, part: Part, member: Member) -> str:
     return f"        result = {called}\n        return {pack}\n"
 
 
-def table_source(parts: Sequence[Part]) -> str:
+def table_source(parts: Sequence[ContractPart]) -> str:
     """Returns the module that lists the servicers."""
     owners = [each for each in parts if not each.bound]
     rows, lines = "", ""

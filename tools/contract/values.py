@@ -113,7 +113,7 @@ class Values:
 
 def all_values(contract: FileDescriptorSet) -> dict[str, Values]:
     """Returns the values of each file that has some, by the name of the file."""
-    reader = _Reader(contract)
+    reader = _ValueReader(contract)
     files = (each for each in contract.file if each.name.startswith("ual/v1/") and each.name != "ual/v1/options.proto")
     found = (reader.values(each) for each in files if _name(each) not in by_hand.FILES)
     return {each.file: each for each in found}
@@ -123,7 +123,7 @@ def _name(file: FileDescriptorProto) -> str:
     return file.name.removeprefix("ual/v1/").removesuffix(".proto")
 
 
-class _Reader:
+class _ValueReader:
     def __init__(self, contract: FileDescriptorSet) -> None:
         self._options = Options(contract)
         self._names = {
@@ -249,7 +249,7 @@ def _of_header(name: str, facts: Any, text: str) -> Iterator[Field]:  # noqa: AN
 class _Made:
     """Code of one field: its declaration, writing and reading."""
 
-    def __init__(self, reader: _Reader, part: FieldDescriptorProto, facts: Any, owner: str) -> None:  # noqa: ANN401
+    def __init__(self, reader: _ValueReader, part: FieldDescriptorProto, facts: Any, owner: str) -> None:  # noqa: ANN401
         self._reader = reader
         self._error_name = f"{owner}{part.name}"
         self._part = part

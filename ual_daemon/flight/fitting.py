@@ -5,14 +5,14 @@ from __future__ import annotations
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre, Step, guarded
-from ual_daemon.flight.policy.geofence import Geofence
+from ual_daemon.flight.policy.geofence import GeofencePolicy
 from ual_daemon.tracker.limits import CurrentLimits
 
 
 class Fitting:
     """Knows what bounded motions at the last update that had one. Only the update thread calls it."""
 
-    def __init__(self, backend: Backend, limits: CurrentLimits, geofence: Geofence) -> None:
+    def __init__(self, backend: Backend, limits: CurrentLimits, geofence: GeofencePolicy) -> None:
         self._backend = backend
         self._limits = limits
         self._geofence = geofence

@@ -30,7 +30,7 @@ from ual_daemon.backends.values import (
 )
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.explanation import Explanation
-from ual_daemon.flight.flown import SILENT, Ending, Flown
+from ual_daemon.flight.flown import SILENT, CurrentManoeuvre, Ending
 from ual_daemon.flight.manoeuvres.fly_reference import FlyReference, ReferenceRules
 from ual_daemon.flight.manoeuvres.land import Landing
 from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Manoeuvre
@@ -41,9 +41,9 @@ from ual_daemon.flight.policy.arming import Arming
 from ual_daemon.flight.policy.authority import Authority
 from ual_daemon.flight.policy.clearance import Clearance
 from ual_daemon.flight.policy.following import Following
-from ual_daemon.flight.policy.geofence import Geofence
-from ual_daemon.flight.policy.jumps import Jump
-from ual_daemon.flight.policy.lease import NOBODY, Lease
+from ual_daemon.flight.policy.geofence import GeofencePolicy
+from ual_daemon.flight.policy.jumps import EstimateJump
+from ual_daemon.flight.policy.lease import NOBODY, FlightLease
 from ual_daemon.flight.position_watch import PositionWatch
 from ual_daemon.flight.refusals import (
     just_taken,
@@ -58,7 +58,7 @@ from ual_daemon.flight.refusals import (
 from ual_daemon.flight.setpoint_sender import LONGEST_BLIND_S, SetpointSender
 from ual_daemon.flight.shutdown import Shutdown
 from ual_daemon.flight.state import Estimate, estimate, noted
-from ual_daemon.flight.stepper import Stepper, has_led_to_ground
+from ual_daemon.flight.stepper import FlightStepper, has_led_to_ground
 from ual_daemon.flight.stopping import Stopping, next_start
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.flight.watched_commands import WatchedCommands
@@ -92,7 +92,7 @@ class LastCommand(NamedTuple):
         return self.name == newest.name == VELOCITY and self.stream_number == newest.stream_number
 
 
-class Order(NamedTuple):
+class CommandOrigin(NamedTuple):
     """Origin of a command.
 
     Attributes:
@@ -105,7 +105,7 @@ class Order(NamedTuple):
     since: LastCommand | None = None
 
 
-class Way(NamedTuple):
+class FlownRoute(NamedTuple):
     """The way that is flown, as points in the local frame; see `ual.types.Route`."""
 
     points: Sequence[Vector3]
@@ -120,7 +120,7 @@ class Flight:
         self,
         backend: Backend,
         limits: CurrentLimits,
-        geofence: Geofence,
+        geofence: GeofencePolicy,
         *,
         watch_only: bool = False,
     ) -> None:
@@ -131,7 +131,7 @@ class Flight:
         self.is_watch_only = watch_only
         self.authority = Authority()
         self.arming = Arming()
-        self.lease = Lease()
+        self.lease = FlightLease()
         self.drift = DriftCorrection()
         """Correction that is added to a commanded velocity."""
         self.following = Following(backend)
@@ -144,12 +144,12 @@ class Flight:
         self.external_silence = self._explanation.external_silence
         self.position = PositionWatch(self.external_silence)
         """Watch of the sources of the position."""
-        self._flown = Flown()
+        self._flown = CurrentManoeuvre()
         self.sender = SetpointSender(backend, limits, self._flown)
         self._stopping = Stopping(limits, geofence)
         self._watched = WatchedCommands()
         self._rules = ReferenceRules(backend, limits, geofence, self.authority, self.drift, self.is_flown_by_us)
-        self._stepper = Stepper(
+        self._stepper = FlightStepper(
             backend, self._flown, self._exchange, self._rules, self.sender, self._stopping, self._watched
         )
         self._clearance = Clearance(backend, limits, geofence)
@@ -257,13 +257,13 @@ class Flight:
         reference = self._current_reference()
         return None if reference is None else reference.pose()
 
-    def way(self, snapshot: Snapshot) -> Way | None:
+    def way(self, snapshot: Snapshot) -> FlownRoute | None:
         """Returns the way that is flown; None where none is known."""
         manoeuvre = self._flown.manoeuvre
         points = () if manoeuvre is None else manoeuvre.way(snapshot.time_s)
         if manoeuvre is None or not points:
             return None
-        return Way(points, "" if manoeuvre.task is None else manoeuvre.task.id, manoeuvre.is_goal_moving)
+        return FlownRoute(points, "" if manoeuvre.task is None else manoeuvre.task.id, manoeuvre.is_goal_moving)
 
     def start(self, snapshot: Snapshot) -> Motion:
         """Returns the motion in which the next trajectory begins; see `next_start`."""
@@ -350,7 +350,7 @@ class Flight:
         """The newest command that began; see `begin`."""
         return self._last_command
 
-    def begin(self, manoeuvre: Manoeuvre, order: Order, judged: Snapshot | None = None) -> None:
+    def begin(self, manoeuvre: Manoeuvre, order: CommandOrigin, judged: Snapshot | None = None) -> None:
         """Begins a manoeuvre, and ends the one before. `judged` is the snapshot in which it may; None: the newest one.
 
         Raises:
@@ -358,7 +358,7 @@ class Flight:
                 the UAV from a mission.
             LeaseHeldError: Another program holds the lease.
             LeaseLostError: The lease of the order has ended.
-            TaskAbortedError: Another command, such as an abort, began after `Order.since`.
+            TaskAbortedError: Another command, such as an abort, began after `CommandOrigin.since`.
 
         """
         snapshot = judged or self._backend.snapshot()
@@ -381,7 +381,7 @@ class Flight:
         return self._exchange(manoeuvre, begins)
 
     def begin_reference(
-        self, reference: Reference, by: str, snapshot: Snapshot, order: Order, *, only_task_id: str = ""
+        self, reference: Reference, by: str, snapshot: Snapshot, order: CommandOrigin, *, only_task_id: str = ""
     ) -> None:
         """Begins a reference, sends its first setpoint, and ends the manoeuvre before; see `begin` for the errors.
 
@@ -428,7 +428,9 @@ class Flight:
         sender.send_newest(given, setpoint, now_s)
         return True
 
-    def _begins_over(self, new: Manoeuvre, order: Order, snapshot: Snapshot, old: Manoeuvre | None) -> Ending | None:
+    def _begins_over(
+        self, new: Manoeuvre, order: CommandOrigin, snapshot: Snapshot, old: Manoeuvre | None
+    ) -> Ending | None:
         """Decides as `_begins` does, but refuses a command where others have just taken the UAV from a mission.
 
         UAL sends nothing in their mode, and who took it is told later.
@@ -438,7 +440,7 @@ class Flight:
             raise just_taken(new.name, snapshot)
         return self._begins(new, order, "", old)
 
-    def _begins(self, new: Manoeuvre, order: Order, only_task_id: str, old: Manoeuvre | None) -> Ending | None:
+    def _begins(self, new: Manoeuvre, order: CommandOrigin, only_task_id: str, old: Manoeuvre | None) -> Ending | None:
         """Decides whether what was commanded begins now: returns how the old one ends, or raises why it may not."""
         by, (lease_id, since) = new.name, order
         if only_task_id and not _is_task(old, only_task_id):
@@ -745,7 +747,7 @@ class Flight:
         take = TakeToStandBy(state, self.limits.get(), self._backend.take_control, self.land_here)
         return Handover(take, partial(take.send, snapshot))
 
-    def estimate_jumped(self, jump: Jump, snapshot: Snapshot) -> None:
+    def estimate_jumped(self, jump: EstimateJump, snapshot: Snapshot) -> None:
         """Takes note that the autopilot's estimate has jumped: the UAV must not follow it, but hold where it is.
 
         Called by the update thread, before the step. What was flown to lies elsewhere now, or the nose would turn to a
@@ -770,7 +772,7 @@ def _ends_with_handover(left: Manoeuvre | None, old: Manoeuvre | None) -> Ending
     return _by_shutdown(old) if old is left else None
 
 
-def _ends_by_jump(jump: Jump, stop: Reference, old: Manoeuvre | None) -> Ending | None:
+def _ends_by_jump(jump: EstimateJump, stop: Reference, old: Manoeuvre | None) -> Ending | None:
     error = None if old is None else old.estimate_jumped(jump, stop)
     return None if error is None else Ending(error)
 

@@ -11,7 +11,7 @@ from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre
 
 
 @dataclass(slots=True, eq=False)
-class Flown:
+class CurrentManoeuvre:
     """Manoeuvre that one UAV flies. Only `Flight` changes it, with the lock held; any thread may read it without.
 
     The lock is never held over a call to the backend, over a callback, or while a future is ended.

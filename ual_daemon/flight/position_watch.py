@@ -26,7 +26,7 @@ PERIOD_S = 0.1
 DRIFTS = "the position drifts"
 
 
-class _Source:
+class _PositionSource:
     """One source of the position: whether it was used, and is gone."""
 
     def __init__(self, gone_s: float) -> None:
@@ -72,13 +72,13 @@ class PositionWatch:
         self.waits = ""
         """The same, as far as tasks wait for its end."""
         self._boots_count, self._fix, self._lost = 0, "", (False, False)
-        self._satellites, self._outside = _Source(GONE_S), _Source(0.0)
+        self._satellites, self._outside = _PositionSource(GONE_S), _PositionSource(0.0)
 
     def update(self, snapshot: Snapshot) -> None:
         """Makes one update."""
         if snapshot.link.boots_count != self._boots_count:
             self._boots_count = snapshot.link.boots_count
-            self._satellites, self._outside = _Source(GONE_S), _Source(0.0)
+            self._satellites, self._outside = _PositionSource(GONE_S), _PositionSource(0.0)
         self.due_s = snapshot.time_s + PERIOD_S
         now_s, gps, control = snapshot.time_s, snapshot.condition.gps, snapshot.control
         has_fix = gps is not None and gps.fix >= GpsFix.FIX_3D

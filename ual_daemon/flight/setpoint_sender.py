@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Setpoint, Snapshot, Takes, VelocitySetpoint
-from ual_daemon.flight.flown import Flown
+from ual_daemon.flight.flown import CurrentManoeuvre
 from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre
 from ual_daemon.flight.policy.dropped_positions import DroppedPositions
 from ual_daemon.tracker.limits import CurrentLimits
@@ -29,7 +29,7 @@ class SetpointSender:
     last is what was given last.
     """
 
-    def __init__(self, backend: Backend, limits: CurrentLimits, flown: Flown) -> None:
+    def __init__(self, backend: Backend, limits: CurrentLimits, flown: CurrentManoeuvre) -> None:
         self._backend = backend
         self._limits = limits
         self._flown = flown

@@ -15,7 +15,7 @@ from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Cause, Control, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.fitting import Fitting
-from ual_daemon.flight.flown import SILENT, Ending, Flown
+from ual_daemon.flight.flown import SILENT, CurrentManoeuvre, Ending
 from ual_daemon.flight.manoeuvres.fly_reference import HOLDS, FlyReference, ReferenceRules
 from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Manoeuvre, Step, guarded
 from ual_daemon.flight.setpoint_sender import SetpointSender
@@ -30,13 +30,13 @@ Exchange: TypeAlias = Callable[[Manoeuvre | None, Callable[[Manoeuvre | None], E
 """See `ual_daemon.flight.flight.Flight`."""
 
 
-class Stepper:
+class FlightStepper:
     """Steps what one UAV flies. Only the update thread calls it."""
 
     def __init__(
         self,
         backend: Backend,
-        flown: Flown,
+        flown: CurrentManoeuvre,
         exchange: Exchange,
         rules: ReferenceRules,
         sender: SetpointSender,

@@ -6,7 +6,7 @@ from itertools import islice
 
 from ual.errors import WrongStateError
 from ual_daemon.backends.values import Snapshot
-from ual_daemon.flight.policy.geofence import Geofence
+from ual_daemon.flight.policy.geofence import GeofencePolicy
 from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.tracker.references import (
     Hold,
@@ -45,7 +45,7 @@ def motion_if_near(reference: Reference | None, snapshot: Snapshot) -> Motion | 
 class Stopping:
     """Stops of one UAV within its limits and its geofence."""
 
-    def __init__(self, limits: CurrentLimits, geofence: Geofence) -> None:
+    def __init__(self, limits: CurrentLimits, geofence: GeofencePolicy) -> None:
         self._limits = limits
         self._geofence = geofence
 

@@ -35,7 +35,7 @@ class LocalZone(NamedTuple):
     corners: tuple[Point2, ...]
 
 
-class _Named(NamedTuple):
+class _NamedZone(NamedTuple):
     """A zone as it counts: an inclusion made smaller by the reserve, or an exclusion made larger."""
 
     name: str
@@ -178,20 +178,22 @@ class Area:
         return shape if self._obstacle is None else shape.difference(self._obstacle)
 
 
-def _named(zones: Sequence[LocalZone], reserve_m: float, *, unites_inclusions: bool) -> Iterator[_Named]:
+def _named(zones: Sequence[LocalZone], reserve_m: float, *, unites_inclusions: bool) -> Iterator[_NamedZone]:
     from shapely import union_all
 
     inclusions = [(zone.name, _shape(zone)) for zone in zones if zone.is_inclusion]
     if unites_inclusions and len(inclusions) > 1:  # before the reserve is taken off, as they may touch each other
         inclusions = [(f"its {len(inclusions)} inclusions together", union_all([shape for _, shape in inclusions]))]
     for name, shape in inclusions:
-        yield _Named(name, True, shape.buffer(-reserve_m))
+        yield _NamedZone(name, True, shape.buffer(-reserve_m))
     for zone in zones:
         if not zone.is_inclusion:
-            yield _Named(zone.name, False, _shape(zone).buffer(reserve_m))
+            yield _NamedZone(zone.name, False, _shape(zone).buffer(reserve_m))
 
 
-def _combine(inside: BaseGeometry | None, zones: Sequence[_Named]) -> tuple[BaseGeometry | None, BaseGeometry | None]:
+def _combine(
+    inside: BaseGeometry | None, zones: Sequence[_NamedZone]
+) -> tuple[BaseGeometry | None, BaseGeometry | None]:
     """Returns what is inside, and what is cut out of everything where that is unbounded."""
     from shapely import union_all
 

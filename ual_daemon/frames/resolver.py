@@ -32,7 +32,7 @@ from ual_daemon.frames.local_frame import LocalFrame
 from ual_daemon.frames.odom_metres import EarthMetres, FrameInLocal, OdomMetres
 from ual_daemon.frames.tree import MAP, FrameTree, horizontal
 from ual_daemon.settings import VehicleSettings
-from ual_daemon.trajectory import Motion, Waypoint
+from ual_daemon.trajectory import Motion, PathWaypoint
 
 _DIFFERENCE_S = 0.01
 _UPSIDE_DOWN, _LEVEL = math.sin(math.radians(90.0) / 2.0) ** 2, math.sin(math.radians(20.0) / 2.0) ** 2
@@ -213,7 +213,7 @@ class FrameResolver:
         position = validation.position(point.point, f"{field}.point")
         return Goal(position, None, point.frame_id or self.tree.odom, f"{field}.point")
 
-    def to_local(self, goal: Goal, snapshot: Snapshot) -> Waypoint:
+    def to_local(self, goal: Goal, snapshot: Snapshot) -> PathWaypoint:
         """Converts a goal to the backend's local frame. Raises as `all_to_local`."""
         (waypoint,) = self.all_to_local([goal], snapshot)
         return waypoint
@@ -245,12 +245,12 @@ class FrameResolver:
         yaw_rate_rad_s = wrap_angle(soon.yaw_rad - here.yaw_rad) / _DIFFERENCE_S
         return Motion(here.position, here.yaw_rad, velocity, yaw_rate_rad_s=yaw_rate_rad_s)
 
-    def _waypoint_at(self, goal: Goal, now_s: float) -> Waypoint:
+    def _waypoint_at(self, goal: Goal, now_s: float) -> PathWaypoint:
         with self.still:
             to_odom, metres = self.tree.lookup(self.tree.odom, goal.frame_id, None, now_s), self._odom_metres
         return self._waypoint(goal, to_odom, metres)
 
-    def all_to_local(self, goals: Sequence[Goal | GeoWaypoint], snapshot: Snapshot) -> list[Waypoint]:
+    def all_to_local(self, goals: Sequence[Goal | GeoWaypoint], snapshot: Snapshot) -> list[PathWaypoint]:
         """Converts goals to the backend's local frame, all at the same time: each frame is looked up once.
 
         Raises:
@@ -274,12 +274,12 @@ class FrameResolver:
             for goal in goals
         ]
 
-    def _waypoint(self, goal: Goal, to_odom: Transform | None, metres: OdomMetres) -> Waypoint:
+    def _waypoint(self, goal: Goal, to_odom: Transform | None, metres: OdomMetres) -> PathWaypoint:
         position, rotation = goal.position, goal.rotation
         if to_odom is not None:
             position = validation.position(to_odom.apply(position), f"{goal.field} (in {self.tree.odom})")
             rotation = rotation and to_odom.rotation * rotation
-        return Waypoint(metres.to_local(position), rotation.yaw_rad if rotation else None)
+        return PathWaypoint(metres.to_local(position), rotation.yaw_rad if rotation else None)
 
     def in_local(self, frame_id: str) -> FrameInLocal:
         """Returns where a fixed frame is in the backend's local frame.
@@ -381,7 +381,7 @@ class FrameResolver:
         rotation = self._to_odom(frame_id, snapshot).rotation
         return Twist(rotation.rotate(twist.linear), rotation.rotate(twist.angular))
 
-    def geo_to_local(self, goal: GeoWaypoint, snapshot: Snapshot) -> Waypoint:
+    def geo_to_local(self, goal: GeoWaypoint, snapshot: Snapshot) -> PathWaypoint:
         """Converts a geographic goal to the backend's local frame, by the autopilot's own projection.
 
         Raises:
@@ -395,7 +395,7 @@ class FrameResolver:
         altitude_m = _amsl_m(goal.altitude_m, goal.altitude_reference, snapshot)
         position = snapshot.earth.projection.to_local(goal.latitude_deg, goal.longitude_deg, altitude_m)
         field = "latitude_deg, longitude_deg, altitude_m (in the local frame)"
-        return Waypoint(validation.position(position, field), goal.yaw_rad)
+        return PathWaypoint(validation.position(position, field), goal.yaw_rad)
 
     def _to_odom(self, frame_id: str, snapshot: Snapshot) -> Transform:
         body = self._body(snapshot)

@@ -113,7 +113,7 @@ class Configuration:
 
 
 @dataclass(frozen=True, slots=True)
-class Source:
+class ValuesSource:
     """Values from one source."""
 
     values: Mapping[str, Any]
@@ -124,7 +124,7 @@ class Source:
 
 
 @dataclass(frozen=True, slots=True)
-class FlagSource(Source):
+class FlagSource(ValuesSource):
     """Values given by flags and environment variables, and the name of each by its key."""
 
     names: Mapping[str, str]
@@ -135,7 +135,7 @@ class FlagSource(Source):
         return f"{name}: {error.message if error.key in self.names else error}"
 
 
-def resolve(sources: Sequence[Source], known_backends: Collection[str]) -> Configuration:
+def resolve(sources: Sequence[ValuesSource], known_backends: Collection[str]) -> Configuration:
     """Merges the sources into one configuration; later sources win.
 
     Raises:
@@ -176,7 +176,7 @@ def _section(name: str, section: object, known_backends: Collection[str]) -> Map
     return section
 
 
-def located(error: ConfigError, sources: Sequence[Source]) -> ConfigurationError:
+def located(error: ConfigError, sources: Sequence[ValuesSource]) -> ConfigurationError:
     """Returns the error with the place where its key was given: the last source that has the key, because that won."""
     for source in reversed(sources):
         if _has(source.values, error.key):

@@ -13,12 +13,12 @@ import yaml
 from typing_extensions import override
 
 from ual.shared import bounded_file, strict_yaml
-from ual_daemon.program.configuration import ConfigurationError, Source, steps
+from ual_daemon.program.configuration import ConfigurationError, ValuesSource, steps
 from ual_daemon.settings import ConfigError
 
 
 @dataclass(frozen=True, slots=True)
-class FileSource(Source):
+class FileSource(ValuesSource):
     """The values of a file."""
 
     path: Path

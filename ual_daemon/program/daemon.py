@@ -22,7 +22,7 @@ from ual_daemon.program.namespace import Namespace
 from ual_daemon.program.supervision import Supervision, Unsupervised
 from ual_daemon.program.upkeep import Upkeep
 from ual_daemon.server.addresses import Address, ListenError
-from ual_daemon.server.call_log import Observer
+from ual_daemon.server.call_log import CallObserver
 from ual_daemon.server.motion_gate import MotionGate
 from ual_daemon.server.server import Server
 from ual_daemon.server.services import services
@@ -37,9 +37,9 @@ if TYPE_CHECKING:
     from ual_daemon.choice import ServedVehicle
     from ual_daemon.program.metrics.gathering import ProcessMetrics
     from ual_daemon.program.network.publisher import Publisher
-    from ual_daemon.program.network.told import Told
+    from ual_daemon.program.network.told import UavAnnouncement
     from ual_daemon.program.recording.audit import Audit
-    from ual_daemon.program.recording.recording import Recording
+    from ual_daemon.program.recording.recording import DaemonRecording
     from ual_daemon.server.access.policy import Access
     from ual_daemon.server.simulation_service import SimulatedTime
 
@@ -66,7 +66,7 @@ class Callers(NamedTuple):
         return self.access is None or self.access.needs_role
 
 
-class Uav(NamedTuple):
+class DaemonUav(NamedTuple):
     """A UAV to fly: its vehicle, its namespace, the addresses to serve it on, and the class interface, which has its
     extensions.
     """
@@ -82,12 +82,12 @@ class Daemon:
 
     def __init__(
         self,
-        uavs: Sequence[Uav],
+        uavs: Sequence[DaemonUav],
         callers: Callers | None = None,
         *,
         transport: selection.Choice = "auto",
         is_auto_arming: bool = False,
-        recording: Recording | None = None,
+        recording: DaemonRecording | None = None,
         audit: Audit | None = None,
         is_audit_required: bool = False,
         metrics: ProcessMetrics | None = None,
@@ -214,7 +214,7 @@ class Daemon:
             self._supervision.watch_audit(audit.on_report_above)
         checks.refresh()
 
-    def _observers(self, vehicle: ServedVehicle) -> list[Observer]:
+    def _observers(self, vehicle: ServedVehicle) -> list[CallObserver]:
         """Returns what observes the calls for a UAV."""
         observers = [] if self._recording is None else [self._recording.observer(vehicle.ns)]
         return observers if self._audit is None else [*observers, self._audit.observer(vehicle)]
@@ -225,13 +225,13 @@ class _Served:
 
     def __init__(
         self,
-        uav: Uav,
+        uav: DaemonUav,
         transport: Transport,
         loop_calls: LoopCalls,
         callers: Callers,
         *,
         is_auto_arming: bool,
-        observers: Sequence[Observer],
+        observers: Sequence[CallObserver],
         time_of: Callable[[Simulation], SimulatedTime],
         motion_gate: MotionGate | None,
     ) -> None:
@@ -279,12 +279,12 @@ class _Served:
             pid=os.getpid(),
         )
 
-    def told(self) -> Told:
+    def told(self) -> UavAnnouncement:
         """Returns what the network is told of it."""
-        from ual_daemon.program.network.told import Told
+        from ual_daemon.program.network.told import UavAnnouncement
 
         vehicle = self._vehicle
-        return Told(
+        return UavAnnouncement(
             vehicle.ns,
             vehicle.backend_name,
             self._addresses,

@@ -81,7 +81,7 @@ class FleetTime:
         asked.set_exception(error) if error is not None else asked.set_result(None)
 
 
-class Member(Protocol):
+class FleetMember(Protocol):
     """A worker, as the supervisor sees it."""
 
     @property
@@ -93,31 +93,31 @@ class Member(Protocol):
 
 
 @dataclass(slots=True)
-class _Change:
+class _TimeChange:
     """A change under way: who asked, its number there, and who has yet to make it."""
 
-    origin: Member
+    origin: FleetMember
     number: int
-    waited_for: list[Member]
+    waited_for: list[FleetMember]
     text: str = ""
 
 
 class Relay:
     """The supervisor's part: hands each change to all workers."""
 
-    def __init__(self, members: Sequence[Member]) -> None:
+    def __init__(self, members: Sequence[FleetMember]) -> None:
         self._members = members
         self._tickets = count()
-        self._changes: dict[int, _Change] = {}
+        self._changes: dict[int, _TimeChange] = {}
 
-    def on_ask(self, origin: Member, number: int, kind: str, value: float) -> None:
+    def on_ask(self, origin: FleetMember, number: int, kind: str, value: float) -> None:
         """A worker asks for a change."""
         ticket, running = next(self._tickets), [each for each in self._members if each.is_running]
-        self._changes[ticket] = _Change(origin, number, running)
+        self._changes[ticket] = _TimeChange(origin, number, running)
         for each in running:
             each.tell(MAKE, ticket, number if each is origin else None, kind, value)
 
-    def on_made(self, member: Member, ticket: int, text: str) -> None:
+    def on_made(self, member: FleetMember, ticket: int, text: str) -> None:
         """A worker has made a change, or refused it: `text`."""
         change = self._changes[ticket]
         change.waited_for.remove(member)
@@ -126,7 +126,7 @@ class Relay:
             del self._changes[ticket]
             change.origin.tell(MADE, change.number, change.text)
 
-    def on_end(self, member: Member) -> None:
+    def on_end(self, member: FleetMember) -> None:
         """A worker has ended: nothing more is waited for from it."""
         for ticket, change in list(self._changes.items()):
             if member in change.waited_for:

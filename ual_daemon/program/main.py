@@ -34,7 +34,7 @@ from ual_daemon.program.configuration import (
     ConfigurationError,
     DaemonSettings,
     FlagSource,
-    Source,
+    ValuesSource,
     located,
     nested,
     resolve,
@@ -50,7 +50,7 @@ if TYPE_CHECKING:
     from ual_daemon.program.metrics.gathering import ProcessMetrics
     from ual_daemon.program.network.publisher import Publisher
     from ual_daemon.program.recording.audit import Audit
-    from ual_daemon.program.recording.recording import Recording
+    from ual_daemon.program.recording.recording import DaemonRecording
     from ual_daemon.program.worker import Worker
     from ual_daemon.server.addresses import Address
     from ual_daemon.ual import UAL
@@ -89,7 +89,7 @@ def _print_version(context: click.Context, _: click.Parameter, is_asked: bool) -
         context.exit()
 
 
-class _Program(click.Command):
+class _DaemonProgram(click.Command):
     """The program. What it prints may get lost: on a full disk, in a pipe whose reader has left."""
 
     @override
@@ -111,7 +111,7 @@ def _printing() -> Iterator[None]:
 
 
 @click.command(
-    cls=_Program,
+    cls=_DaemonProgram,
     context_settings={
         "help_option_names": ["-h", "--help"],
         "max_content_width": 110,
@@ -232,11 +232,11 @@ def main(
 
 def _sources(
     context: click.Context, config_file: Path | None, assignments: tuple[str, ...], flags: dict[str, object]
-) -> list[Source]:
+) -> list[ValuesSource]:
     """Returns the sources of the settings; each one wins over those before it."""
     if config_file is not None or assignments:
         from ual_daemon.program import configuration_yaml  # imported late, for a faster start
-    sources: list[Source] = [] if config_file is None else [configuration_yaml.read_file(config_file)]
+    sources: list[ValuesSource] = [] if config_file is None else [configuration_yaml.read_file(config_file)]
     for origin in (ParameterSource.ENVIRONMENT, ParameterSource.COMMANDLINE):
         values = {name: value for name, value in flags.items() if context.get_parameter_source(name) is origin}
         sources.append(FlagSource(values, {name: _given_as(name, origin) for name in values}))
@@ -252,7 +252,7 @@ def _given_as(name: str, origin: ParameterSource) -> str:
     return f"UAL_{name.upper()}" if origin is ParameterSource.ENVIRONMENT else f"--{name.replace('_', '-')}"
 
 
-def _run(sources: Sequence[Source], *, print_config: bool) -> None:
+def _run(sources: Sequence[ValuesSource], *, print_config: bool) -> None:
     # gRPC writes to stderr without the log's format. The daemon itself logs whatever concerns users.
     os.environ.setdefault("GRPC_VERBOSITY", "NONE")
     from ual_daemon.backends import registry
@@ -290,18 +290,18 @@ def _of_fleet(error: ConfigError) -> ConfigError:
     return ConfigError(error.message, "fleet_url" if is_url else error.key)
 
 
-def _spread(configuration: Configuration, sources: Sequence[Source], parts: Sequence[range]) -> None:
+def _spread(configuration: Configuration, sources: Sequence[ValuesSource], parts: Sequence[range]) -> None:
     """Flies a fleet with several processes. Returns in each of them, but not in the one that starts them."""
     from ual_daemon.program import fleet
     from ual_daemon.program.metrics import opening
     from ual_daemon.program.recording.audit_file import AuditError, AuditFile
-    from ual_daemon.program.supervisor import CannotStartError, Supervisor
+    from ual_daemon.program.supervisor import CannotStartError, FleetSupervisor
 
     settings = configuration.daemon
     try:
         names = fleet.names(settings.ns, parts[-1].stop)
         audit = None if settings.audit is None else AuditFile(Path(settings.audit))
-        supervisor = Supervisor(names, parts, audit, opening.exporter(settings))
+        supervisor = FleetSupervisor(names, parts, audit, opening.exporter(settings))
         worker = supervisor.start()
         if worker is None:
             sys.exit(supervisor.run(settings.log_level, settings.log_format))
@@ -318,7 +318,11 @@ def _spread(configuration: Configuration, sources: Sequence[Source], parts: Sequ
 
 
 def _fly(
-    configuration: Configuration, sources: Sequence[Source], worker: Worker | None = None, *, print_config: bool = False
+    configuration: Configuration,
+    sources: Sequence[ValuesSource],
+    worker: Worker | None = None,
+    *,
+    print_config: bool = False,
 ) -> None:
     """Flies all UAVs, or those of a worker."""
     settings = configuration.daemon
@@ -449,7 +453,7 @@ def _serve(
     from contextlib import ExitStack
 
     from ual_daemon.program.aside import outcome
-    from ual_daemon.program.daemon import Daemon, Uav
+    from ual_daemon.program.daemon import Daemon, DaemonUav
     from ual_daemon.program.metrics import opening
     from ual_daemon.program.namespace import Namespace, NamespaceError
     from ual_daemon.program.recording.audit_file import AuditError
@@ -461,7 +465,7 @@ def _serve(
             uavs = []
             for each, interface in zip(planned, interfaces, strict=True):
                 namespace = held.enter_context(Namespace(interface.ns))
-                uavs.append(Uav(interface.vehicle, namespace, each.listen, interface))
+                uavs.append(DaemonUav(interface.vehicle, namespace, each.listen, interface))
             recording = _recording(settings, [interface.vehicle for interface in interfaces])
             if recording is not None:
                 recording.start()
@@ -498,7 +502,7 @@ class RecordingError(Exception):
     """The recording cannot begin."""
 
 
-def _recording(settings: DaemonSettings, vehicles: Sequence[ServedVehicle]) -> Recording | None:
+def _recording(settings: DaemonSettings, vehicles: Sequence[ServedVehicle]) -> DaemonRecording | None:
     """Returns the recording of the vehicles, if one is wanted."""
     if settings.record is None:
         return None
@@ -510,11 +514,11 @@ def _recording(settings: DaemonSettings, vehicles: Sequence[ServedVehicle]) -> R
         requirements.require("ual-daemon[record]")
     except NotSupportedError as error:
         raise RecordingError(str(error)) from None
-    from ual_daemon.program.recording.recording import Recording
+    from ual_daemon.program.recording.recording import DaemonRecording
 
     turnover = Turnover(settings.record_file_mib << 20, settings.record_file_minutes * 60.0)
     try:
-        return Recording(
+        return DaemonRecording(
             Path(settings.record),
             vehicles,
             log_output.line_of,
@@ -530,7 +534,7 @@ def _metrics(
     settings: DaemonSettings,
     worker: Worker | None,
     names: Sequence[str],
-    recording: Recording | None,
+    recording: DaemonRecording | None,
     audit: Audit | None,
     held: ExitStack,
 ) -> ProcessMetrics | None:

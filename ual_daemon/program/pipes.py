@@ -10,7 +10,7 @@ _MOST_CHUNKS = 16
 """Chunks that are read from one pipe before the others have their turn. A pipe holds less."""
 
 
-class Reader:
+class PipeReader:
     """Reads what comes through a pipe, in pieces."""
 
     def __init__(self, reads: int, end: bytes) -> None:
@@ -33,7 +33,7 @@ class Reader:
         return whole, chunk != b""
 
 
-class Pipe(Reader):
+class Pipe(PipeReader):
     """A new pipe: another process writes, this one reads."""
 
     def __init__(self, end: bytes) -> None:

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any
 from ual.shared import guard
 from ual_daemon import logs
 from ual_daemon.program import fleet_time, log_output, signals
-from ual_daemon.program.metrics.catalogue import Sample
+from ual_daemon.program.metrics.catalogue import MetricSample
 from ual_daemon.program.metrics.threads import audit_samples, guard_samples
 from ual_daemon.program.metrics.workers import WorkersMetrics
 from ual_daemon.program.pipes import Pipe
@@ -51,7 +51,7 @@ class CannotStartError(Exception):
         self.status = status
 
 
-class _Process:
+class _WorkerProcess:
     """One worker as the supervisor sees it."""
 
     def __init__(self, names: Sequence[str]) -> None:
@@ -115,7 +115,7 @@ class _Process:
         return f"exit status {self.status}" if self.status >= 0 else f"killed by {signal.Signals(-self.status).name}"
 
 
-class Supervisor:
+class FleetSupervisor:
     """The workers of a fleet, from `start` to the end of `run`."""
 
     def __init__(
@@ -133,7 +133,7 @@ class Supervisor:
         self._audit_file = audit
         self._exporter = exporter
         self._metrics: WorkersMetrics
-        self._processes: list[_Process] = []
+        self._processes: list[_WorkerProcess] = []
         self._time = fleet_time.Relay(self._processes)
         self._is_serving = self._is_ending = False
         self._audit: AuditWriter | None = None
@@ -146,7 +146,7 @@ class Supervisor:
         To be called while the process has one thread, and before gRPC is imported, which does not survive a fork.
         """
         for part in self._parts:
-            process = _Process(self._names[part.start : part.stop])
+            process = _WorkerProcess(self._names[part.start : part.stop])
             process.pid = os.fork()
             self._processes.append(process)
             if not process.pid:
@@ -210,7 +210,7 @@ class Supervisor:
         self._reap()  # who has ended before this
         await self._all_ended.wait()
 
-    def _taking(self, process: _Process) -> list[tuple[Pipe, Callable[[Sequence[bytes]], None]]]:
+    def _taking(self, process: _WorkerProcess) -> list[tuple[Pipe, Callable[[Sequence[bytes]], None]]]:
         """Returns the pipes of a worker, each with who takes what comes through it."""
         return [
             (process.log, self._pass_on),
@@ -219,7 +219,7 @@ class Supervisor:
             (process.metrics, partial(self._on_metrics, process)),
         ]
 
-    def _read(self, process: _Process) -> None:
+    def _read(self, process: _WorkerProcess) -> None:
         """Takes what a worker has written."""
         for pipe, take in self._taking(process):
             pieces, may_be_more = pipe.pieces()
@@ -232,7 +232,7 @@ class Supervisor:
         for line in lines:
             self._handler.pass_on(line.decode(errors="replace"))
 
-    def _on_words(self, process: _Process, lines: Sequence[bytes]) -> None:
+    def _on_words(self, process: _WorkerProcess, lines: Sequence[bytes]) -> None:
         for line in lines:
             word, *rest = json.loads(line)
             if word == fleet_time.ASK:
@@ -242,7 +242,7 @@ class Supervisor:
             else:
                 process.on_phase(word, *rest)
 
-    def _on_metrics(self, process: _Process, answers: Sequence[bytes]) -> None:
+    def _on_metrics(self, process: _WorkerProcess, answers: Sequence[bytes]) -> None:
         for answer in answers:
             self._metrics.on_answer(process, answer)
 
@@ -256,7 +256,7 @@ class Supervisor:
             for process in self._processes:
                 process.tell(AUDIT, *self._audit.report)
 
-    def _own_samples(self) -> list[Sample]:
+    def _own_samples(self) -> list[MetricSample]:
         audit = [] if self._audit is None else audit_samples(_LABELS, self._audit.figures)
         return [*guard_samples(_LABELS), *audit]
 
@@ -271,7 +271,7 @@ class Supervisor:
         if all(process.status is not None for process in self._processes):
             self._all_ended.set()
 
-    def _decide(self, process: _Process) -> None:
+    def _decide(self, process: _WorkerProcess) -> None:
         """Decides by what a worker has told."""
         if process.failure is not None:
             self._end()
@@ -284,7 +284,7 @@ class Supervisor:
             self._is_serving = True
             log_serving(self._names, len(self._processes))
 
-    def _lose(self, process: _Process) -> None:
+    def _lose(self, process: _WorkerProcess) -> None:
         """Says what is not served any more. Before all were served, the others end, too."""
         self._time.on_end(process)
         if not self._is_ending:

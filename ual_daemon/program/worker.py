@@ -23,10 +23,10 @@ from ual.shared.guard import WorkGuard
 from ual_daemon import logs
 from ual_daemon.program import log_output, signals
 from ual_daemon.program.fleet_time import MAKE, FleetTime
-from ual_daemon.program.metrics.catalogue import Sample
+from ual_daemon.program.metrics.catalogue import MetricSample
 from ual_daemon.program.metrics.workers import ASK as METRICS
 from ual_daemon.program.metrics.workers import packed
-from ual_daemon.program.pipes import Reader
+from ual_daemon.program.pipes import PipeReader
 from ual_daemon.program.supervision import Supervision
 
 if TYPE_CHECKING:
@@ -68,9 +68,9 @@ class Worker(Supervision):
         self._decided = asyncio.Event()
         self._may_serve = False
         self._is_alone = False
-        self._orders = Reader(channels.orders, b"\n")
+        self._orders = PipeReader(channels.orders, b"\n")
         self._time: FleetTime | None = None
-        self.metrics: Callable[[], Sequence[Sample]] | None = None
+        self.metrics: Callable[[], Sequence[MetricSample]] | None = None
         """Returns the metrics of its UAVs, if they are wanted."""
         self._is_answering = False
         self._guard = WorkGuard("metrics")
@@ -163,7 +163,7 @@ class Worker(Supervision):
             self._is_answering = True
             threading.Thread(target=self._answer, args=(number, self.metrics), name="metrics", daemon=True).start()
 
-    def _answer(self, number: int, gather: Callable[[], Sequence[Sample]]) -> None:
+    def _answer(self, number: int, gather: Callable[[], Sequence[MetricSample]]) -> None:
         def answer() -> None:
             with suppress(BrokenPipeError), open(self.channels.metrics, "wb", closefd=False) as pipe:
                 pipe.write(packed(number, gather()) + b"\n")

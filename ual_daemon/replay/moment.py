@@ -19,7 +19,7 @@ from ual_daemon.backends.values import (
 from ual_daemon.flight.state import Estimate, estimate
 
 
-class Moment(NamedTuple):
+class ReplayMoment(NamedTuple):
     """One update of a recorded flight.
 
     `told` is the sample that was recorded at this update; None where there is none. If it `is_whole`, all is reported
@@ -41,13 +41,15 @@ class Moment(NamedTuple):
         return estimate(snapshot, freshness, _manoeuvre(told))
 
 
-def decoded(snapshot: Snapshot, told: Telemetry) -> Moment:
+def decoded(snapshot: Snapshot, told: Telemetry) -> ReplayMoment:
     """Returns data that were decoded anew, with what the autopilot did not say."""
     is_ours = told.health is None or not told.health.held_by  # a mode that UAL commanded is held by nobody
-    return Moment(snapshot._replace(control=snapshot.control._replace(held_by=None)) if is_ours else snapshot, told)
+    return ReplayMoment(
+        snapshot._replace(control=snapshot.control._replace(held_by=None)) if is_ours else snapshot, told
+    )
 
 
-def reported(told: Telemetry, time_s: float) -> Moment:
+def reported(told: Telemetry, time_s: float) -> ReplayMoment:
     """Returns a sample of a flight without packets, at a time of the player's clock.
 
     Only what the autopilot had said is in the data, for what is computed from them, such as transforms.
@@ -69,7 +71,7 @@ def reported(told: Telemetry, time_s: float) -> Moment:
         ),
         condition=Condition(told.battery, told.gps, told.status_text, told.health, batteries=told.batteries),
     )
-    return Moment(snapshot, told, is_whole=True)
+    return ReplayMoment(snapshot, told, is_whole=True)
 
 
 def _manoeuvre(told: Telemetry) -> State | None:

@@ -15,7 +15,7 @@ from ual_daemon import logs
 from ual_daemon.backends.base import Clock
 from ual_daemon.backends.mavlink.playback import Playback
 from ual_daemon.backends.values import Condition, Packet, Snapshot
-from ual_daemon.replay.moment import Moment, decoded, reported
+from ual_daemon.replay.moment import ReplayMoment, decoded, reported
 from ual_daemon.replay.renaming import renamed, renamed_frame
 from ual_daemon.replay.source import Event, RecordedFrames, RecordedSample, SentSetpoint
 
@@ -61,7 +61,7 @@ class Player:
     ) -> None:
         """Without `new_playback` nothing is decoded. `names` are the namespaces of the recording, and now."""
         self.clock = ReplayClock()
-        self.moment = Moment(Snapshot(0.0))
+        self.moment = ReplayMoment(Snapshot(0.0))
         self.playback = None if new_playback is None else new_playback()
         self._open_events = open_events
         self._new_playback = new_playback
@@ -70,7 +70,7 @@ class Player:
         self._begin_s = begin_s
         self._is_looping = is_looping
         self._has_samples = has_samples
-        self._on_update: Callable[[Moment], None] = lambda _: None
+        self._on_update: Callable[[ReplayMoment], None] = lambda _: None
         self._on_frames: Callable[[Sequence[Frame]], None] = lambda _: None
         self._closing = threading.Event()
         self._offset_s = 0.0
@@ -78,7 +78,7 @@ class Player:
         self._pose: object = None
         self._thread = threading.Thread(target=self._run, name=f"replay {names[1]}", daemon=True)
 
-    def open(self, on_update: Callable[[Moment], None], on_frames: Callable[[Sequence[Frame]], None]) -> None:
+    def open(self, on_update: Callable[[ReplayMoment], None], on_frames: Callable[[Sequence[Frame]], None]) -> None:
         """Begins to play."""
         self._on_update, self._on_frames = on_update, on_frames
         self._thread.start()
@@ -149,9 +149,9 @@ class Player:
         pose = playback.pose
         if pose is not self._pose or time_s - self._updated_s >= _UPDATE_S:
             self._pose = pose
-            self._publish(Moment(playback.snapshot(time_s)))
+            self._publish(ReplayMoment(playback.snapshot(time_s)))
 
-    def _publish(self, moment: Moment) -> None:
+    def _publish(self, moment: ReplayMoment) -> None:
         self._updated_s = moment.snapshot.time_s
         self.moment = moment
         self._on_update(moment)
@@ -161,7 +161,9 @@ class Player:
         self.clock.time_s = self._offset_s
         if self._new_playback is not None:
             self.playback = self._new_playback()
-        self._publish(Moment(Snapshot(self._offset_s, condition=Condition(status_text="the recording begins again"))))
+        self._publish(
+            ReplayMoment(Snapshot(self._offset_s, condition=Condition(status_text="the recording begins again")))
+        )
 
     def _stand_still(self) -> None:
         """Reports until it is closed that nothing is heard any more."""
@@ -170,4 +172,4 @@ class Player:
         while not self._closing.wait(_ENDED_S):
             self.clock.time_s += _ENDED_S
             last = self.moment.snapshot.at(self.clock.time_s)
-            self._publish(Moment(last._replace(condition=last.condition._replace(status_text=ENDED))))
+            self._publish(ReplayMoment(last._replace(condition=last.condition._replace(status_text=ENDED))))

@@ -24,13 +24,13 @@ from ual_daemon.flight.state import Estimate, estimate
 from ual_daemon.flight.tasks import Tasks, VehicleTask
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.replay import source
-from ual_daemon.replay.moment import Moment
+from ual_daemon.replay.moment import ReplayMoment
 from ual_daemon.replay.played_frames import PlayedFrames
 from ual_daemon.replay.player import Player
 from ual_daemon.replay.settings import SECTION, ReplaySettings
 from ual_daemon.settings import ConfigError, PayloadSettings, VehicleSettings, convert
 from ual_daemon.tracker.limits import smaller
-from ual_daemon.vehicle.equipment import Equipment
+from ual_daemon.vehicle.equipment import PayloadEquipment
 from ual_daemon.vehicle.in_map import geofence_in_map
 from ual_daemon.vehicle.refusal_log import RefusalLog
 from ual_daemon.vehicle.reported import ReportedVehicle
@@ -85,7 +85,7 @@ class PlayedVehicle(ReportedVehicle):
         self._pose_frame_id = settings.pose_frame_id
         self._users_limits = settings.limits
         self._geofence = geofence_of(settings, self._resolver, VehicleInfo().clearance_m)
-        self.equipment = Equipment(PayloadSettings())
+        self.equipment = PayloadEquipment(PayloadSettings())
         """Nothing is moved by a recording."""
         self._jumps = JumpDetector()
         self._tasks = Tasks(player.clock)
@@ -259,7 +259,7 @@ class PlayedVehicle(ReportedVehicle):
 
     # --- Updates ------------------------------------------------------------------------------------------------------
 
-    def _on_moment(self, moment: Moment) -> None:
+    def _on_moment(self, moment: ReplayMoment) -> None:
         self._on_update(moment.snapshot)
 
     @override

@@ -18,7 +18,7 @@ import grpc
 from typing_extensions import override
 
 from ual.shared.guard import WorkGuard
-from ual_daemon.server.transport.base import Call, Metadata
+from ual_daemon.server.transport.base import Metadata, ServedCall
 
 _USER_AGENT = "user-agent"
 
@@ -49,7 +49,7 @@ class CallRecord:
     metadata: Metadata = ()
 
 
-class Observer(Protocol):
+class CallObserver(Protocol):
     """Observer of the calls for a UAV. It is called on the threads that serve, and must not block."""
 
     @abstractmethod
@@ -65,7 +65,7 @@ _numbers = itertools.count(1)
 _guard: Final = WorkGuard("calls")
 
 
-def observed(take: Callable[[Call], None], observers: Sequence[Observer]) -> Callable[[Call], None]:
+def observed(take: Callable[[ServedCall], None], observers: Sequence[CallObserver]) -> Callable[[ServedCall], None]:
     """Returns what takes calls in the place of `take`, and has each of them observed.
 
     A call that does not end at once is observed twice: when it has begun, and when it has ended.
@@ -73,10 +73,10 @@ def observed(take: Callable[[Call], None], observers: Sequence[Observer]) -> Cal
     return lambda call: take(ObservedCall(call, observers))
 
 
-class ObservedCall(Call):
+class ObservedCall(ServedCall):
     """A call that is observed. Everything is done by the call itself."""
 
-    def __init__(self, call: Call, observers: Sequence[Observer]) -> None:
+    def __init__(self, call: ServedCall, observers: Sequence[CallObserver]) -> None:
         self.method = call.method
         self.metadata = call.metadata
         self.is_finished = False

@@ -26,11 +26,11 @@ from ual_daemon.server.access import caller
 from ual_daemon.server.access.caller import OF_THIS_COMPUTER, Caller
 from ual_daemon.server.access.needed import needed_role
 from ual_daemon.server.access.policy import Access
-from ual_daemon.server.dispatch import SHUTTING_DOWN, Answer, Handler, Method, StatusError
+from ual_daemon.server.dispatch import SHUTTING_DOWN, CallAnswer, Handler, ServedMethod, StatusError
 from ual_daemon.server.headroom import FLIES_ON, OF_THIS_PROCESS, Headroom
 from ual_daemon.server.motion_gate import MotionGate
 from ual_daemon.server.standstill import BEAT_S, Standstill
-from ual_daemon.server.transport.base import Call
+from ual_daemon.server.transport.base import ServedCall
 
 NAMESPACE_KEY = "ual-ns"
 MOST_OF_ONE_METHOD = 100
@@ -91,12 +91,12 @@ class Calls:
         self._shutdown_keeps = shutdown_keeps
         self._access = access or Access()
         self._loop = asyncio.get_running_loop()
-        self._methods: dict[str, Method] = {}
+        self._methods: dict[str, ServedMethod] = {}
         self._roles: dict[str, Role] = {}
         self._lock = threading.Lock()
-        self._answers: set[Answer] = set()
+        self._answers: set[CallAnswer] = set()
         self._running: Counter[tuple[str, str]] = Counter()
-        self._without_request: dict[Answer, float] = {}
+        self._without_request: dict[CallAnswer, float] = {}
         self._refused_without_request: tuple[str, ResourceExhaustedError] | None = None
         self._refused_count = 0
         self._failures: Counter[str] = Counter()
@@ -110,7 +110,7 @@ class Calls:
     def add_registered_method_handlers(self, service: str, handlers: Mapping[str, Handler]) -> None:
         """Registers the methods of a service, but those that its servicer does not implement."""
         for name, handler in handlers.items():
-            method = Method(handler)
+            method = ServedMethod(handler)
             if not method.is_generated:
                 self._methods[f"/{service}/{name}"] = method
 
@@ -122,7 +122,7 @@ class Calls:
         """Returns the role that a method needs."""
         return self._roles.get(method) or needed_role(method)
 
-    def on_call(self, call: Call) -> None:
+    def on_call(self, call: ServedCall) -> None:
         """Begins to answer a call, on the transport's thread."""
         try:
             who = self._access.identify(call)
@@ -140,7 +140,7 @@ class Calls:
     def _require_role(self, who: Caller, method: str) -> None:
         who.require(self.needed_role(method), method.rpartition("/")[2])
 
-    def _refuse(self, call: Call, error: UalError) -> None:
+    def _refuse(self, call: ServedCall, error: UalError) -> None:
         self.set_context(call, None)
         logs.refused(_log, call.method, error)
         self.set_context(None, None)
@@ -176,7 +176,7 @@ class Calls:
         self._has_ended_waiting = True
         self._end(lambda answer: not answer.is_stream or answer.method_name in self._shutdown_keeps)
 
-    def _end(self, is_meant: Callable[[Answer], bool]) -> None:
+    def _end(self, is_meant: Callable[[CallAnswer], bool]) -> None:
         with self._lock:
             ending = [answer for answer in self._answers if is_meant(answer)]
         for answer in ending:
@@ -211,7 +211,7 @@ class Calls:
             except (UnauthenticatedError, PermissionDeniedError) as error:
                 answer.end(error)
 
-    def _end_without_request(self, answer: Answer, why: str) -> None:
+    def _end_without_request(self, answer: CallAnswer, why: str) -> None:
         self.has_request(answer)
         error = ResourceExhaustedError(f"{answer.method_name}: {why}", {"limit": str(MOST_WITHOUT_REQUEST)})
         self._refused_without_request = self._refused_without_request or (answer.method_name, error)
@@ -220,7 +220,7 @@ class Calls:
 
     # --- For the answers ----------------------------------------------------------------------------------------------
 
-    def join(self, answer: Answer) -> None:
+    def join(self, answer: CallAnswer) -> None:
         """Adds an answer that is under way: a shutdown ends it.
 
         Raises:
@@ -236,7 +236,7 @@ class Calls:
         if self._has_ended_waiting and not answer.is_stream:  # it began before, but was not known yet
             answer.end()
 
-    def leave(self, answer: Answer) -> None:
+    def leave(self, answer: CallAnswer) -> None:
         """Removes an answer that has ended."""
         with self._lock:
             if answer in self._answers:
@@ -246,7 +246,7 @@ class Calls:
                 if not self._running[key]:
                     del self._running[key]
 
-    def await_request(self, answer: Answer) -> None:
+    def await_request(self, answer: CallAnswer) -> None:
         """Adds an answer whose request has to come yet. If there are too many, the oldest of them ends."""
         oldest = None
         with self._lock:
@@ -256,12 +256,12 @@ class Calls:
         if oldest is not None:
             self._end_without_request(oldest, f"{MOST_WITHOUT_REQUEST} later calls wait for their request, too")
 
-    def _oldest_without_request(self, who: Caller) -> Answer | None:
+    def _oldest_without_request(self, who: Caller) -> CallAnswer | None:
         """Returns the oldest call of a caller whose request has not come, if too many are this caller's."""
         of_caller = [answer for answer in self._without_request if answer.caller.name == who.name]
         return of_caller[0] if len(of_caller) > MOST_WITHOUT_REQUEST else None
 
-    def has_request(self, answer: Answer) -> None:
+    def has_request(self, answer: CallAnswer) -> None:
         """Removes an answer whose request has come, or will not come any more."""
         self._without_request.pop(answer, None)
 
@@ -283,7 +283,7 @@ class Calls:
         logs.refused(_log, method, error)
         raise error
 
-    def require_accepted(self, call: Call) -> None:
+    def require_accepted(self, call: ServedCall) -> None:
         """Refuses a call for another UAV, one that there is no memory for, and after the shutdown has begun one that
         flies.
 
@@ -318,7 +318,7 @@ class Calls:
         with self._lock:
             self._failures[reason] += 1
 
-    def set_context(self, call: Call | None, who: Caller | None) -> None:
+    def set_context(self, call: ServedCall | None, who: Caller | None) -> None:
         """Says for what this thread or task does from now on who calls, and for which UAV."""
         logs.caller.set(None if call is None else partial(_described, call))
         caller.current.set(who or OF_THIS_COMPUTER)
@@ -334,7 +334,7 @@ class Calls:
         return True
 
 
-def _described(call: Call) -> str:
+def _described(call: ServedCall) -> str:
     """Returns the address of a caller, and its name, if it has shown who it is."""
     named = call.identity not in ("", caller.LOCAL, caller.NOBODY)
     return f"{call.identity}@{call.peer()}" if named else call.peer()

@@ -3,10 +3,11 @@
 - ``def`` of a request, or a generator into which each request of a stream is sent. It runs on the transport's thread,
   in the order of the calls, and must not block. This is the fast way: no other thread has to wake. If it begins
   something that ends later, it returns a coroutine, which the event loop awaits.
-- ``def`` with a stream of responses: it sends by the `Call`, from any thread. It returns a function that ends that.
+- ``def`` with a stream of responses: it sends by the `ServedCall`, from any thread. It returns a function that ends
+that.
 - An asynchronous generator: it runs on the event loop.
 
-Each gets the `Call` as its context, with the lease by which its caller commands (`extensions.base.lease_of`).
+Each gets the `ServedCall` as its context, with the lease by which its caller commands (`extensions.base.lease_of`).
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from ual_daemon.server.door import require_times, ways_to_times
 from ual_daemon.server.headroom import SMALL_BYTES, Headroom
 from ual_daemon.server.motion_gate import FLIES, MotionGate
 from ual_daemon.server.standstill import MOVES, Standstill
-from ual_daemon.server.transport.base import Call
+from ual_daemon.server.transport.base import ServedCall
 
 T = TypeVar("T")
 Handler: TypeAlias = "grpc.RpcMethodHandler[Any, Any]"
@@ -51,7 +52,7 @@ class StatusError(Exception):
         self.code = code
 
 
-class Method:
+class ServedMethod:
     """A method of a service, and how it is answered."""
 
     def __init__(self, handler: Handler) -> None:
@@ -70,7 +71,7 @@ class Method:
         self.is_generated: bool = self.serve.__module__.endswith("_pb2_grpc")
         self.has_request_stream: bool = handler.request_streaming
         self.has_response_stream: bool = handler.response_streaming
-        self.kind: type[Answer]
+        self.kind: type[CallAnswer]
         if inspect.isasyncgenfunction(self.serve):
             self.kind = _GeneratorAnswer
         elif self.has_request_stream:
@@ -86,19 +87,19 @@ class Register(Protocol):
     motion_gate: MotionGate | None
     headroom: Headroom
 
-    def join(self, answer: Answer) -> None:
+    def join(self, answer: CallAnswer) -> None:
         """Adds an answer that is under way. Raises `ResourceExhaustedError` where there are too many."""
         ...
 
-    def leave(self, answer: Answer) -> None:
+    def leave(self, answer: CallAnswer) -> None:
         """Removes an answer that has ended."""
         ...
 
-    def await_request(self, answer: Answer) -> None:
+    def await_request(self, answer: CallAnswer) -> None:
         """Adds an answer whose request has to come yet."""
         ...
 
-    def has_request(self, answer: Answer) -> None:
+    def has_request(self, answer: CallAnswer) -> None:
         """Removes an answer whose request has come, or will not come any more."""
         ...
 
@@ -106,7 +107,7 @@ class Register(Protocol):
         """Raises `ResourceExhaustedError` where too many calls of the method are under way for the caller."""
         ...
 
-    def require_accepted(self, call: Call) -> None:
+    def require_accepted(self, call: ServedCall) -> None:
         """Raises the error by which a call is refused before its request is read."""
         ...
 
@@ -114,7 +115,7 @@ class Register(Protocol):
         """Counts a call that is refused or has failed."""
         ...
 
-    def set_context(self, call: Call | None, who: Caller | None) -> None:
+    def set_context(self, call: ServedCall | None, who: Caller | None) -> None:
         """Says who calls for what this thread or task does from now on."""
         ...
 
@@ -123,10 +124,10 @@ class Register(Protocol):
         ...
 
 
-class Answer:
+class CallAnswer:
     """One call that is being answered."""
 
-    def __init__(self, calls: Register, method: Method, call: Call, caller: Caller) -> None:
+    def __init__(self, calls: Register, method: ServedMethod, call: ServedCall, caller: Caller) -> None:
         self.caller = caller
         call.lease_id = next((str(value) for key, value in call.metadata if key == LEASE_KEY), NOBODY)
         self.is_stream = method.has_request_stream or method.has_response_stream
@@ -216,7 +217,7 @@ class Answer:
             self._calls.on_failure(reason)
 
 
-class _LoopAnswer(Answer):
+class _LoopAnswer(CallAnswer):
     """An answer that waits, or all of it, on the event loop."""
 
     _task: asyncio.Task[bytes | None] | None = None
@@ -328,7 +329,7 @@ class _GeneratorAnswer(_LoopAnswer):
         return await ended
 
 
-class _RequestStreamAnswer(Answer):
+class _RequestStreamAnswer(CallAnswer):
     """One response to a stream of requests, each of which is processed on the transport's thread."""
 
     @override
@@ -352,7 +353,7 @@ class _RequestStreamAnswer(Answer):
             self.call.receive(partial(self._do, self._receive))
 
 
-class _PushAnswer(Answer):
+class _PushAnswer(CallAnswer):
     """A stream of responses that other threads send."""
 
     _stop: Callable[[], None] | None = None

@@ -43,7 +43,7 @@ _CGROUPS = Path("/sys/fs/cgroup")
 _log = logging.getLogger(__name__)
 
 
-class Reader(Protocol):
+class RequestReader(Protocol):
     """Reader of the requests for one UAV."""
 
     @property
@@ -61,7 +61,7 @@ class Headroom:
     def __init__(
         self, free_bytes: Callable[[], float] | None = None, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        self.servers: weakref.WeakSet[Reader] = weakref.WeakSet()
+        self.servers: weakref.WeakSet[RequestReader] = weakref.WeakSet()
         """Readers of requests in this process."""
         self._free_bytes = free_bytes or limits_of_this_process()
         self._clock = clock

@@ -18,7 +18,7 @@ from ual.v1 import simulation_pb2, simulation_pb2_grpc, ual_pb2, ual_pb2_grpc
 from ual_daemon.server import health
 from ual_daemon.server.access.policy import Access
 from ual_daemon.server.addresses import Address, bind
-from ual_daemon.server.call_log import Observer, observed
+from ual_daemon.server.call_log import CallObserver, observed
 from ual_daemon.server.calls import CallFigures, Calls
 from ual_daemon.server.headroom import MOST_REQUEST_BYTES
 from ual_daemon.server.motion_gate import MotionGate
@@ -26,7 +26,7 @@ from ual_daemon.server.planning import PlanFigures
 from ual_daemon.server.simulation_service import SimulatedTime, SimulationServicer
 from ual_daemon.server.telemetry_stream import LoopCalls, Updates
 from ual_daemon.server.traced import traced
-from ual_daemon.server.transport.base import Call, MakeCredentials, Transport
+from ual_daemon.server.transport.base import MakeCredentials, ServedCall, Transport
 from ual_daemon.server.uav_service import UalServicer
 
 if TYPE_CHECKING:
@@ -103,7 +103,7 @@ class Server:
         vehicle: ServedVehicle,
         transport: Transport,
         loop_calls: LoopCalls | None = None,
-        observers: Sequence[Observer] = (),
+        observers: Sequence[CallObserver] = (),
         access: Access | None = None,
         more: Sequence[AddedService] = (),
         time_of: Callable[[Simulation], SimulatedTime] | None = None,
@@ -179,8 +179,8 @@ class Server:
 
 
 def _watched(
-    take: Callable[[Call], None], observers: Sequence[Observer], tracing: Tracing | None
-) -> Callable[[Call], None]:
+    take: Callable[[ServedCall], None], observers: Sequence[CallObserver], tracing: Tracing | None
+) -> Callable[[ServedCall], None]:
     """Returns what takes the calls, and has them observed and traced where that is wanted."""
     take = observed(take, observers) if observers else take
     return take if tracing is None else traced(take, tracing)

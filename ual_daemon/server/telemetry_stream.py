@@ -29,7 +29,7 @@ _OWN_THREAD_COUNT = 4
 """Most readers to which the vehicle's thread sends itself: 0.1 ms each."""
 
 Send: TypeAlias = Callable[[bytes, Callable[[bool], None]], None]
-"""Sends a message, and calls back with whether it went out. Only then may the next be sent. See `Call.send`."""
+"""Sends a message, and calls back with whether it went out. Only then may the next be sent. See `ServedCall.send`."""
 
 
 class PackedTelemetry:
@@ -90,7 +90,7 @@ class LoopCalls:
             self._waiting.popleft()()
 
 
-class Reader:
+class TelemetryReader:
     """Sends one reader the newest sample, when the one before it is out, at most at `rate_hz` (0: every sample)."""
 
     def __init__(
@@ -173,7 +173,7 @@ class Updates:
         self._loop = asyncio.get_running_loop()
         self._lock = threading.Lock()
         self._packer = TelemetryPacker()
-        self._readers: tuple[Reader, ...] = ()
+        self._readers: tuple[TelemetryReader, ...] = ()
         self._missed_before = 0
         """By readers that have ended."""
         self._state = State.UNINITIALIZED
@@ -208,9 +208,11 @@ class Updates:
         await ends_within(self._changed.wait(), timeout_s)
 
     def read(self, rate_hz: float, send: Send) -> Callable[[], None]:
-        """Sends samples to a reader from now on, the first at once; see `Reader`. Returns a function that ends it."""
+        """Sends samples to a reader from now on, the first at once; see `TelemetryReader`. Returns a function that ends
+        it.
+        """
         first = PackedTelemetry(self._vehicle.telemetry(), self._packer)
-        reader = Reader(rate_hz, first, send, self._clock)
+        reader = TelemetryReader(rate_hz, first, send, self._clock)
         with self._lock:
             self._readers = (*self._readers, reader)
             self._plan()

@@ -9,10 +9,10 @@ from typing_extensions import override
 
 from ual.shared.tracing import Tracing
 from ual_daemon.server.call_log import CallRecord, ObservedCall
-from ual_daemon.server.transport.base import Call
+from ual_daemon.server.transport.base import ServedCall
 
 
-def traced(take: Callable[[Call], None], tracing: Tracing) -> Callable[[Call], None]:
+def traced(take: Callable[[ServedCall], None], tracing: Tracing) -> Callable[[ServedCall], None]:
     """Returns what takes calls in the place of `take`, and traces each of them."""
     return lambda call: take(TracedCall(call, tracing))
 
@@ -20,7 +20,7 @@ def traced(take: Callable[[Call], None], tracing: Tracing) -> Callable[[Call], N
 class TracedCall(ObservedCall):
     """A call that is traced, from its first request to its end."""
 
-    def __init__(self, call: Call, tracing: Tracing) -> None:
+    def __init__(self, call: ServedCall, tracing: Tracing) -> None:
         super().__init__(call, ())
         self._tracing = tracing
         self._span: Any = None  # OpenTelemetry's, whose packages need not be there

@@ -24,7 +24,7 @@ from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.server.access import caller
 from ual_daemon.server.planning import PlanFigures, Planning
 from ual_daemon.server.telemetry_stream import Updates
-from ual_daemon.server.transport.base import Call
+from ual_daemon.server.transport.base import ServedCall
 from ual_daemon.server.waiting import completion, ended
 from ual_daemon.vehicle.prepared import Prepared
 
@@ -69,7 +69,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
 
     @override
     def StreamTelemetry(  # type: ignore[override] # sent where the updates come from: see `dispatch`
-        self, request: pb.StreamTelemetryRequest, context: Call
+        self, request: pb.StreamTelemetryRequest, context: ServedCall
     ) -> Callable[[], None]:
         return self._updates.read(_rate_hz(request.rate_hz), context.send)
 

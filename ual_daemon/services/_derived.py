@@ -370,14 +370,14 @@ class Parameters(interface.Parameters):
         )
 
 
-class ShippedVehicle(CommandedVehicle, EquippedVehicle, FencedVehicle, GimbalVehicle, LocatedVehicle, Protocol):
+class ServicesVehicle(CommandedVehicle, EquippedVehicle, FencedVehicle, GimbalVehicle, LocatedVehicle, Protocol):
     """Needs of all services of their UAV."""
 
 
 class Parts:
     """The services of a UAV."""
 
-    def __init__(self, vehicle: ShippedVehicle, lease_id: Callable[[], str]) -> None:
+    def __init__(self, vehicle: ServicesVehicle, lease_id: Callable[[], str]) -> None:
         self.cameras = Cameras(vehicle)
         self.corrections = Corrections(vehicle)
         self.fence = Fence(vehicle, lease_id)

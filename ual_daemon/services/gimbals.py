@@ -27,7 +27,7 @@ from ual_daemon.backends.offers.gimbals import OfferedGimbal, OfferedGimbals
 from ual_daemon.flight.refusals import only_watching
 from ual_daemon.services.answers import Pause, Steps
 from ual_daemon.services.vehicle import GimbalVehicle, offered
-from ual_daemon.vehicle.gimbals import Followed
+from ual_daemon.vehicle.gimbals import GimbalTarget
 
 LARGEST_ANGLE_RAD = 3.1415926535897932
 LARGEST_YAW_RAD = 2.0 * LARGEST_ANGLE_RAD
@@ -112,7 +112,7 @@ class VehicleGimbals:
         def begin() -> Future[None]:
             return gimbal.set_angles(aim.angles, aim.reference)
 
-        return self._give(gimbal, GimbalActivity.POINT, begin, Followed(stamped, goal))
+        return self._give(gimbal, GimbalActivity.POINT, begin, GimbalTarget(stamped, goal))
 
     def move_to_neutral(self, number: int) -> Future[None]:
         """See `ual.interface.Gimbal`."""
@@ -139,7 +139,7 @@ class VehicleGimbals:
         gimbal: OfferedGimbal,
         activity: GimbalActivity,
         order: Callable[[], Future[None]],
-        followed: Followed | None = None,
+        followed: GimbalTarget | None = None,
     ) -> Future[None]:
         """Gives an order, after the control was taken where none has it. It ends the one before."""
         number, gimbals = gimbal.info.number, self._vehicle.gimbals

@@ -20,7 +20,7 @@ from ual_daemon.backends.chain import then, together
 from ual_daemon.backends.offers.gripper import OfferedGripper, ServoOrder, WinchOrder
 from ual_daemon.services.vehicle import ServedVehicle, offered, require_change
 from ual_daemon.settings import GripperSettings, RelaySettings, ServoSettings, WinchSettings
-from ual_daemon.vehicle.equipment import Device, Equipment
+from ual_daemon.vehicle.equipment import PayloadDevice, PayloadEquipment
 
 S = TypeVar("S")
 T = TypeVar("T")
@@ -33,7 +33,7 @@ class EquippedVehicle(ServedVehicle, Protocol):
     """One that may carry something."""
 
     @property
-    def equipment(self) -> Equipment:
+    def equipment(self) -> PayloadEquipment:
         """Payload devices of the UAV."""
 
 
@@ -78,7 +78,7 @@ class VehicleGripper:
         found = _found(self._vehicle.equipment.settings.winches, winch, "winch", "winches")
         order = _winch_order(found, action, length_m, rate_m_s)
         give = partial(offer.order_winch, found.instance, order)
-        return self._give(Device("winch", found.name), _winch_text(order), lease_id, give, holds=order.holds)
+        return self._give(PayloadDevice("winch", found.name), _winch_text(order), lease_id, give, holds=order.holds)
 
     def set_servo(self, position: str, servo: str, pwm_us: int | None, lease_id: str) -> Future[None]:
         """See `ual.interface.Gripper`."""
@@ -87,7 +87,7 @@ class VehicleGripper:
         wanted_us = _pwm_us(found, position, pwm_us)
         order = ServoOrder(found.channel, wanted_us, found.min_pwm_us, found.max_pwm_us)
         text = position or f"{wanted_us} us"
-        return self._give(Device("servo", found.name), text, lease_id, partial(offer.set_servo, order))
+        return self._give(PayloadDevice("servo", found.name), text, lease_id, partial(offer.set_servo, order))
 
     def set_relay(self, state: str, relay: str, lease_id: str) -> Future[None]:
         """See `ual.interface.Gripper`."""
@@ -98,17 +98,17 @@ class VehicleGripper:
             known = f"{found.on_name}, {found.off_name}"
             raise validation.refuse("state", f"the relay {found.name} has no state {state!r:.80}: it has {known}")
         give = partial(offer.set_relay, found.number, is_on=state == found.on_name)
-        return self._give(Device("relay", found.name), state, lease_id, give)
+        return self._give(PayloadDevice("relay", found.name), state, lease_id, give)
 
     def _move_gripper(self, name: str, lease_id: str, *, is_closing: bool) -> Future[None]:
         offer = self._offer()
         gripper = _found(self._vehicle.equipment.settings.grippers, name, "gripper", "grippers")
         give = partial(offer.grip if is_closing else offer.release, gripper.instance)
         text = "grip" if is_closing else "release"
-        return self._give(Device("gripper", gripper.name), text, lease_id, give, holds=is_closing)
+        return self._give(PayloadDevice("gripper", gripper.name), text, lease_id, give, holds=is_closing)
 
     def _give(
-        self, device: Device, text: str, lease_id: str, begin: Callable[[], Future[None]], *, holds: bool = False
+        self, device: PayloadDevice, text: str, lease_id: str, begin: Callable[[], Future[None]], *, holds: bool = False
     ) -> Future[None]:
         require = partial(require_change, self._vehicle, f"order {device.text}", lease_id)
         return self._vehicle.equipment.give(device, text, begin, holds=holds, require=require)
@@ -142,7 +142,7 @@ class VehicleGripper:
         return _noted(partial(offer.relay_is_on, each.number), made)
 
     def _ordered(self, kind: str, each: _Named) -> str:
-        return self._vehicle.equipment.ordered(Device(kind, each.name))
+        return self._vehicle.equipment.ordered(PayloadDevice(kind, each.name))
 
     def _offer(self) -> OfferedGripper:
         return offered(self._vehicle, OfferedGripper, "grippers")  # type: ignore[type-abstract]  # it is only looked for

@@ -17,7 +17,7 @@ from ual.types import TaskInfo
 from ual_daemon import logs, validation
 from ual_daemon.backends.chain import then, then_wait
 from ual_daemon.backends.offers.missions import AutopilotMissions, KeptMission, OnItsOwn
-from ual_daemon.flight.flight import Order
+from ual_daemon.flight.flight import CommandOrigin
 from ual_daemon.services.answers import Pause, Steps, in_thread
 from ual_daemon.services.vehicle import CommandedVehicle, offered, require_change
 from ual_daemon.vehicle.upload_journal import MISSION
@@ -93,7 +93,7 @@ class VehicleMission:
 
         def begin(kept: KeptMission, own: OnItsOwn, changes_count: int) -> TaskInfo:
             _require_link_loss(on_link_loss, own)
-            order = Order(lease_id, since)
+            order = CommandOrigin(lease_id, since)
             return self._vehicle.missions.start(offer, kept, first, own, order, changes_count).info()
 
         return then_wait(offer.download(), on_read)

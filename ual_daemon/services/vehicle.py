@@ -11,7 +11,7 @@ from ual.types import State
 from ual_daemon.backends import futures
 from ual_daemon.flight.refusals import only_watching
 from ual_daemon.vehicle.commands import Commands
-from ual_daemon.vehicle.gimbals import Gimbals
+from ual_daemon.vehicle.gimbals import UavGimbals
 from ual_daemon.vehicle.missions import Missions
 from ual_daemon.vehicle.upload_journal import UploadJournal
 
@@ -65,7 +65,7 @@ class GimbalVehicle(ServedVehicle, Protocol):
     """One that knows its frames, and what its gimbals do."""
 
     @property
-    def gimbals(self) -> Gimbals:
+    def gimbals(self) -> UavGimbals:
         """Gimbals of the UAV; raises `NotSupportedError` where there can be none."""
 
     def transform(self, target_frame_id: str = "", source_frame_id: str = "") -> Transform:

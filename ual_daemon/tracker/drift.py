@@ -22,7 +22,7 @@ from ual.geometry import Twist, Vector3, wrap_angle
 from ual.types import Limits
 from ual_daemon.backends.values import Snapshot, VelocityResponse, VelocityResponses
 from ual_daemon.tracker.limits import clamped, scaled_down
-from ual_daemon.tracker.place import ExpectedMotion, Place, Seen
+from ual_daemon.tracker.place import ExpectedMotion, MotionEstimate, VelocityPlace
 from ual_daemon.tracker.velocity_error import VelocityError
 from ual_daemon.trajectory import Motion
 from ual_daemon.trajectory.envelope import speed_share
@@ -54,7 +54,7 @@ class DriftCorrection:
         """Velocity to add now, along the local axes."""
         self.yaw_rate_rad_s = 0.0
         """Yaw rate to add now."""
-        self._places: tuple[Place, Place] | None = None
+        self._places: tuple[VelocityPlace, VelocityPlace] | None = None
         self._yaw_rad: float | None = None
         self._before: Before | None = None
         self._seen: deque[Snapshot] = deque(maxlen=_SEEN_COUNT)
@@ -92,8 +92,8 @@ class DriftCorrection:
         self._stepped_s = snapshot.time_s
         seen, asked = self._see(snapshot, snapshot.motion.velocity.value.linear), commanded.linear
         p, v, error = seen
-        level = Seen(_level(p), _level(v), _level(error))
-        upright = Seen(_upright(p), _upright(v), _upright(error))
+        level = MotionEstimate(_level(p), _level(v), _level(error))
+        upright = MotionEstimate(_upright(p), _upright(v), _upright(error))
         along = horizontal.step(_level(asked), level, passed_s, responses.horizontal)
         up = vertical.step(_upright(asked), upright, passed_s, responses.vertical)
         wanted = Vector3(asked.x + along.x, asked.y + along.y, asked.z + up.z)
@@ -102,11 +102,11 @@ class DriftCorrection:
         self.velocity = wanted - asked
         self._step_heading(commanded.angular.z, snapshot)
 
-    def _see(self, snapshot: Snapshot, velocity: Vector3) -> Seen:
+    def _see(self, snapshot: Snapshot, velocity: Vector3) -> MotionEstimate:
         here = _position(snapshot)
-        return Seen(here, velocity, self._error.step(snapshot.time_s, here, velocity))
+        return MotionEstimate(here, velocity, self._error.step(snapshot.time_s, here, velocity))
 
-    def _begin(self, snapshot: Snapshot, responses: VelocityResponses) -> tuple[Place, Place]:
+    def _begin(self, snapshot: Snapshot, responses: VelocityResponses) -> tuple[VelocityPlace, VelocityPlace]:
         """Returns the places of a velocity that begins: with the motion before, or else with the measured one."""
         before = None if self._before is None else self._before(snapshot)
         self._yaw_rad = None if before is None else _held_yaw_rad(before, snapshot)
@@ -129,9 +129,9 @@ class DriftCorrection:
         self._yaw_rad, self.yaw_rate_rad_s = yaw_rad + lag_rad, lag_rad * _YAW_GAIN
 
 
-def _place(part: Callable[[Vector3], Vector3], before: Motion, response: VelocityResponse) -> Place:
+def _place(part: Callable[[Vector3], Vector3], before: Motion, response: VelocityResponse) -> VelocityPlace:
     motion = part(before.position), part(before.velocity), part(before.acceleration)
-    return Place(ExpectedMotion(*motion, response))
+    return VelocityPlace(ExpectedMotion(*motion, response))
 
 
 def _held_yaw_rad(before: Motion, snapshot: Snapshot) -> float | None:

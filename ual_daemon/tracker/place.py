@@ -74,7 +74,7 @@ class ExpectedMotion:
         self._acceleration = acceleration.x, acceleration.y, acceleration.z
 
 
-class Seen(NamedTuple):
+class MotionEstimate(NamedTuple):
     """Estimate of the UAV now: its position, its velocity, and the error of that velocity."""
 
     position: Vector3
@@ -82,7 +82,7 @@ class Seen(NamedTuple):
     error: Vector3
 
 
-class Place:
+class VelocityPlace:
     """The place to which a velocity leads. All vectors are zero along the axes that are not its own."""
 
     def __init__(self, expected: ExpectedMotion) -> None:
@@ -92,7 +92,7 @@ class Place:
         self._free: tuple[Vector3, ...] = ()
         """The directions in which the place goes with the UAV; of length 1, at right angles to each other."""
 
-    def step(self, commanded: Vector3, seen: Seen, passed_s: float, response: VelocityResponse) -> Vector3:
+    def step(self, commanded: Vector3, seen: MotionEstimate, passed_s: float, response: VelocityResponse) -> Vector3:
         """Makes one update. Returns what is to be added to the commanded velocity.
 
         In plain numbers, as each update passes here.

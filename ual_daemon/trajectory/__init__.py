@@ -14,19 +14,19 @@
 """
 
 from ual_daemon.trajectory.envelope import acceleration_limit, speed_limit
-from ual_daemon.trajectory.line import Brake, Line
+from ual_daemon.trajectory.line import Brake, StraightLine
 from ual_daemon.trajectory.motion import Motion, Trajectory
-from ual_daemon.trajectory.path import Chain, Waypoint, path
+from ual_daemon.trajectory.path import Chain, PathWaypoint, path
 from ual_daemon.trajectory.run import Run
 
 __all__ = [
     "Brake",
     "Chain",
-    "Line",
     "Motion",
+    "PathWaypoint",
     "Run",
+    "StraightLine",
     "Trajectory",
-    "Waypoint",
     "acceleration_limit",
     "path",
     "speed_limit",

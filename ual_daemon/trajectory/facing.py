@@ -18,7 +18,7 @@ from typing_extensions import override
 from ual.geometry import Vector3, wrap_angle
 from ual.types import Limits
 from ual_daemon.trajectory.envelope import RAMP_S, turn_acceleration_limit, turn_jerk_limit
-from ual_daemon.trajectory.heading import Heading, Polynomial
+from ual_daemon.trajectory.heading import HeadingPlan, Polynomial
 from ual_daemon.trajectory.motion import Motion
 from ual_daemon.trajectory.turn import Turn
 
@@ -56,7 +56,7 @@ def free_m(speed_m_s: float, limits: Limits) -> float:
     return distance_m
 
 
-class Facing(Heading):
+class Facing(HeadingPlan):
     """The heading of a body that moves and faces a point."""
 
     def __init__(

@@ -16,7 +16,7 @@ from ual_daemon.trajectory.motion import Motion
 from ual_daemon.trajectory.turn import Turn
 
 
-class Heading(ABC):
+class HeadingPlan(ABC):
     """The heading at each time of a motion."""
 
     end_s: float
@@ -75,7 +75,7 @@ def turn_s(turn_rad: float, limits: Limits) -> float:
     )
 
 
-class Turns(Heading):
+class Turns(HeadingPlan):
     """A sequence of turns, each as short as the limits allow or as long as requested. In between the heading is
     constant.
 

@@ -21,7 +21,7 @@ from ual_daemon.trajectory.turn import Turn
 _SAME_PLACE_M = 1e-9
 
 
-class Line(Trajectory):
+class StraightLine(Trajectory):
     """A straight line to a goal with a synchronized heading, time-optimal and jerk-limited.
 
     From rest the line is exactly straight. A motion along the line is continued. A motion in another direction bends to

@@ -13,7 +13,7 @@ from typing_extensions import override
 from ual.geometry import Vector3
 from ual.types import Limits
 from ual_daemon.trajectory.envelope import acceleration_limit, speed_limit
-from ual_daemon.trajectory.heading import Heading
+from ual_daemon.trajectory.heading import HeadingPlan
 from ual_daemon.trajectory.leg import Leg
 from ual_daemon.trajectory.motion import Motion, Trajectory
 from ual_daemon.trajectory.pieces import Pieces
@@ -89,7 +89,7 @@ class Run(Trajectory):
         self.length_m = self._bend_m + self._left_m[0]
         self.passes_s: Sequence[float] = [*self.corners_s, self.motion_s]
         """Returns the times at which the waypoints are passed."""
-        self._heading: Heading | None = None
+        self._heading: HeadingPlan | None = None
         self._end: Motion | None = None
 
     def _make_legs(
@@ -139,7 +139,7 @@ class Run(Trajectory):
                 self.corners_s.append(time_s - corner.duration_s / 2)
                 begin = points[i + 1] + onward * next_cut_m
 
-    def turn(self, heading: Heading, end_rad: float) -> None:
+    def turn(self, heading: HeadingPlan, end_rad: float) -> None:
         """Sets the heading, which ends at rest at `end_rad`."""
         self._heading = heading
         self.duration_s = max(self.motion_s, heading.end_s)

@@ -28,18 +28,18 @@ from ual_daemon import validation
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Cause, Control, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
-from ual_daemon.flight.flight import Flight, LastCommand, Order
+from ual_daemon.flight.flight import CommandOrigin, Flight, LastCommand
 from ual_daemon.flight.manoeuvres.await_arming import AwaitArming, is_after_landing
 from ual_daemon.flight.manoeuvres.manoeuvre import Handover
 from ual_daemon.flight.manoeuvres.recover import Recover
-from ual_daemon.flight.manoeuvres.take_off import TakeOff
+from ual_daemon.flight.manoeuvres.take_off import TakeOffManoeuvre
 from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.flight.refusals import just_taken, on_mission
 from ual_daemon.flight.tasks import Tasks, VehicleTask
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.settings import VehicleSettings
 from ual_daemon.tracker.references import Hold, Reference, measured_motion
-from ual_daemon.trajectory import Line
+from ual_daemon.trajectory import StraightLine
 from ual_daemon.vehicle.admission import admit
 from ual_daemon.vehicle.landings import Landings
 from ual_daemon.vehicle.planner import Planner
@@ -47,7 +47,7 @@ from ual_daemon.vehicle.preconditions import Preconditions
 from ual_daemon.vehicle.prepared import Prepared
 from ual_daemon.vehicle.reach_limit import ReachLimit
 from ual_daemon.vehicle.refusal_log import accepted
-from ual_daemon.vehicle.setpoints import Setpoints
+from ual_daemon.vehicle.setpoints import VehicleSetpoints
 
 _LANDED = (State.LANDED_DISARMED, State.LANDED_ARMED)
 _ON_WAY_UP = (*_LANDED, State.TAKING_OFF)
@@ -55,11 +55,11 @@ _NOT_FLOWN_YET = (*_ON_WAY_UP, State.FLYING_MANUAL)
 _SEEN = tuple(state for state in State if state is not State.UNINITIALIZED)
 
 
-def _climb(height_m: float, bounds: Limits, snapshot: Snapshot) -> Line:
+def _climb(height_m: float, bounds: Limits, snapshot: Snapshot) -> StraightLine:
     """Returns the straight way up from where the UAV stands."""
     ground = measured_motion(snapshot)
     top = ground.position + Vector3(0.0, 0.0, height_m)
-    return Line(Hold(ground.position, ground.yaw_rad).motion(snapshot), top, ground.yaw_rad, bounds)
+    return StraightLine(Hold(ground.position, ground.yaw_rad).motion(snapshot), top, ground.yaw_rad, bounds)
 
 
 class Commands:
@@ -93,7 +93,7 @@ class Commands:
         self._landings = Landings(backend, flight)
         flight.land_here = self._land_where_it_fell
         self._planner = Planner(backend, flight, resolver, preconditions, tasks, settings, reach_limit, self._landings)
-        self.setpoints = Setpoints(flight, resolver, preconditions, reach_limit)
+        self.setpoints = VehicleSetpoints(flight, resolver, preconditions, reach_limit)
         """The commands that are sent as they are: `set_pose` and `set_velocity`."""
 
     # --- Motions ------------------------------------------------------------------------------------------------------
@@ -115,11 +115,11 @@ class Commands:
                 does not replace a command that began after it.
 
         """
-        order = Order(lease_id, since or self._flight.last_command)
+        order = CommandOrigin(lease_id, since or self._flight.last_command)
         if isinstance(request, TakeOffRequest):
-            return self._take_off(request, Order(lease_id))
+            return self._take_off(request, CommandOrigin(lease_id))
         if isinstance(request, LandRequest):
-            return self._land(Order(lease_id))
+            return self._land(CommandOrigin(lease_id))
         if isinstance(request, GoToWaypointRequest):
             return self._planner.go_to_waypoint(request, order)
         if isinstance(request, GoToWaypointGeoRequest):
@@ -139,7 +139,7 @@ class Commands:
             return self.setpoints.plan_velocity(motion, lease_id)
         return self.setpoints.plan_pose(motion, lease_id)
 
-    def _take_off(self, request: TakeOffRequest, order: Order) -> Prepared[VehicleTask]:
+    def _take_off(self, request: TakeOffRequest, order: CommandOrigin) -> Prepared[VehicleTask]:
         """Prepares a climb to a height above where the UAV stands."""
         with self._preconditions.logging_refusal("take_off"):
             self._preconditions.require_capability(Capability.TAKE_OFF, "take_off")
@@ -162,7 +162,7 @@ class Commands:
 
         def climb_from(start: Snapshot, task: VehicleTask) -> Handover:
             command = AutopilotCommand("take off")
-            climb = TakeOff(
+            climb = TakeOffManoeuvre(
                 task,
                 command,
                 start,
@@ -215,7 +215,7 @@ class Commands:
             "disarms"
         )
 
-    def _land(self, order: Order) -> Prepared[VehicleTask]:
+    def _land(self, order: CommandOrigin) -> Prepared[VehicleTask]:
         """Prepares a landing at the present position, also out of a mode in which the autopilot flies by itself."""
         with self._preconditions.logging_refusal("land"):
             self._preconditions.require_capability(Capability.LAND, "land")
@@ -271,7 +271,7 @@ class Commands:
                 self._flight.following.release()
                 command = AutopilotCommand("take our references")
                 recover = Recover(command, self._flight.limits.get(), self._backend.take_control, refusal)
-                self._flight.begin(recover, Order(lease_id), snapshot)
+                self._flight.begin(recover, CommandOrigin(lease_id), snapshot)
                 if snapshot.control.held_by is not Cause.OPEN or force:
                     recover.send(snapshot)
                 accepted("recover_from_manual")
@@ -397,13 +397,13 @@ class Commands:
         state = self._flight.raw_estimate(snapshot).state
         limits, take_control = self._flight.limits.get(), self._backend.take_control
         recover = Recover(command, limits, take_control, lambda _: None, name=name, out_of=state)
-        self._flight.begin(recover, Order(lease_id), snapshot)
+        self._flight.begin(recover, CommandOrigin(lease_id), snapshot)
         recover.send(snapshot)
 
     def _stop_at(self, name: str, stop: Reference, snapshot: Snapshot, task_id: str, lease_id: str) -> None:
         """Stops the UAV by references; where a mission has just begun, that."""
         try:
-            self._flight.begin_reference(stop, name, snapshot, Order(lease_id), only_task_id=task_id)
+            self._flight.begin_reference(stop, name, snapshot, CommandOrigin(lease_id), only_task_id=task_id)
         except WrongStateError:
             if not self._is_mission(task_id):
                 raise
@@ -413,7 +413,7 @@ class Commands:
         """Stops a mission that the autopilot flies; one that lands only ends as a task."""
         info, stop = self._flight.task_info(), self._flight.mission_stop(name, snapshot)
         if stop is not None:
-            self._flight.begin(stop.manoeuvre, Order(lease_id), snapshot)
+            self._flight.begin(stop.manoeuvre, CommandOrigin(lease_id), snapshot)
             stop.begin()
         elif info is not None:
             self._flight.drop_task(info.id, name, lease_id)

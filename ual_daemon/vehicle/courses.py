@@ -12,13 +12,13 @@ from ual.geometry import Vector3
 from ual.types import Limits, PathHeading
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.flight import Flight
-from ual_daemon.flight.manoeuvres.course import Course, Flown, Onward
+from ual_daemon.flight.manoeuvres.course import Course, CourseProgress, Onward
 from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre
 from ual_daemon.flight.manoeuvres.return_to_launch import HomeCourse
 from ual_daemon.flight.policy.home import home_place
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.settings import VehicleSettings
-from ual_daemon.trajectory import Motion, Trajectory, Waypoint, path
+from ual_daemon.trajectory import Motion, PathWaypoint, Trajectory, path
 from ual_daemon.vehicle.way_home import WayHome, plan_way_home
 
 LONG_COUNT = 200
@@ -35,7 +35,7 @@ class PathBounds(NamedTuple):
     leg_speed_m_s: float | None = None
 
 
-Resolve: TypeAlias = Callable[[Snapshot], Waypoint]
+Resolve: TypeAlias = Callable[[Snapshot], PathWaypoint]
 """Returns where a goal is in the local frame now. Raises a `UalError` if that is not known any more."""
 
 
@@ -48,7 +48,7 @@ class PathCourse(Course):
         self,
         flight: Flight,
         command: str,
-        waypoints: Sequence[Waypoint],
+        waypoints: Sequence[PathWaypoint],
         corner_radius_m: float,
         bounds: Callable[[], PathBounds],
         heading: PathHeading = PathHeading.WAYPOINTS,
@@ -73,7 +73,7 @@ class PathCourse(Course):
             self._waypoints[number] = replace(waypoint, yaw_rad=kept_rad)
         return self._path(start, self._waypoints, self._planned_by)
 
-    def _path(self, start: Motion, waypoints: Sequence[Waypoint], bounds: PathBounds) -> Trajectory:
+    def _path(self, start: Motion, waypoints: Sequence[PathWaypoint], bounds: PathBounds) -> Trajectory:
         speed_m_s = bounds.leg_speed_m_s
         if speed_m_s is not None:
             waypoints = [replace(each, max_speed_m_s=each.max_speed_m_s or speed_m_s) for each in waypoints]
@@ -85,7 +85,7 @@ class PathCourse(Course):
         return len(self._waypoints) > LONG_COUNT
 
     @override
-    def is_outdated(self, flown: Flown, snapshot: Snapshot) -> bool:
+    def is_outdated(self, flown: CourseProgress, snapshot: Snapshot) -> bool:
         return self._bounds() != self._planned_by or abs(self._risen_m(snapshot)) > _SAME_HEIGHT_M
 
     def _risen_m(self, snapshot: Snapshot) -> float:
@@ -94,7 +94,7 @@ class PathCourse(Course):
         return 0.0 if before_m is None or now_m is None or not any(self._above_home) else now_m - before_m
 
     @override
-    def plan(self, flown: Flown, snapshot: Snapshot) -> Onward:
+    def plan(self, flown: CourseProgress, snapshot: Snapshot) -> Onward:
         bounds, (passed_count, rest) = self._bounds(), self._rest(flown)
         above_home, risen_m = self._above_home[passed_count:], self._risen_m(snapshot)
         if risen_m:
@@ -109,7 +109,7 @@ class PathCourse(Course):
         self.fence = self._flight.geofence.fence(snapshot)
         return Onward(trajectory, passed_count, why)
 
-    def _rest(self, flown: Flown) -> tuple[int, list[Waypoint]]:
+    def _rest(self, flown: CourseProgress) -> tuple[int, list[PathWaypoint]]:
         """Returns how many waypoints are passed, and those that are left."""
         trajectory, time_s = flown.trajectory, flown.time_s
         begun_s = next(
@@ -123,13 +123,13 @@ class PathCourse(Course):
         return number, self._waypoints[number:]
 
     @staticmethod
-    def _after_corner_s(flown: Flown) -> float:
+    def _after_corner_s(flown: CourseProgress) -> float:
         """Returns the end of the corner that it flies: the waypoint there counts as passed. Elsewhere the time now."""
         bends = (end_s for begin_s, end_s in flown.trajectory.bends_s() if begin_s < flown.time_s < end_s)
         return next(bends, flown.time_s)
 
 
-def _raised(waypoint: Waypoint, risen_m: float) -> Waypoint:
+def _raised(waypoint: PathWaypoint, risen_m: float) -> PathWaypoint:
     return replace(waypoint, position=waypoint.position + Vector3(0.0, 0.0, risen_m))
 
 
@@ -151,25 +151,25 @@ class StraightCourse(PathCourse):
         self._resolve, self._same_place_m, self._follow_goal = resolve, same_place_m, follow_goal
 
     @property
-    def goal(self) -> Waypoint:
+    def goal(self) -> PathWaypoint:
         """The goal in the local frame, as it was planned last."""
         return self._waypoints[0]
 
     @override
-    def is_outdated(self, flown: Flown, snapshot: Snapshot) -> bool:
+    def is_outdated(self, flown: CourseProgress, snapshot: Snapshot) -> bool:
         return super().is_outdated(flown, snapshot) or self._has_moved(snapshot)
 
     def _has_moved(self, snapshot: Snapshot) -> bool:
         return (self._resolve(snapshot).position - self.goal.position).norm() > self._same_place_m
 
     @override
-    def plan(self, flown: Flown, snapshot: Snapshot) -> Onward:
+    def plan(self, flown: CourseProgress, snapshot: Snapshot) -> Onward:
         found, has_moved = self._resolve(snapshot), self._has_moved(snapshot)
         self._waypoints = [replace(found, yaw_rad=self.goal.yaw_rad if found.yaw_rad is None else found.yaw_rad)]
         return super().plan(flown, snapshot)._replace(why="the goal has moved" if has_moved else "limits")
 
     @override
-    def _rest(self, flown: Flown) -> tuple[int, list[Waypoint]]:
+    def _rest(self, flown: CourseProgress) -> tuple[int, list[PathWaypoint]]:
         return 0, self._waypoints
 
     @override
@@ -194,7 +194,7 @@ class WayHomeCourse(HomeCourse):
         self.ground_z_m = self._home.z
 
     @override
-    def is_outdated(self, flown: Flown, snapshot: Snapshot) -> bool:
+    def is_outdated(self, flown: CourseProgress, snapshot: Snapshot) -> bool:
         return self._bounds() != self._planned_by or self._has_moved(snapshot)
 
     def _has_moved(self, snapshot: Snapshot) -> bool:
@@ -202,7 +202,7 @@ class WayHomeCourse(HomeCourse):
         return home is not None and (home.position - self._home).norm() > self._settings.tolerance.position_m
 
     @override
-    def plan(self, flown: Flown, snapshot: Snapshot) -> Onward:
+    def plan(self, flown: CourseProgress, snapshot: Snapshot) -> Onward:
         bounds, why = self._bounds(), "home has moved" if self._has_moved(snapshot) else "limits"
         way = plan_way_home(self._flight, self._settings, self._height_m, bounds, snapshot)
         self._planned_by, self._home, self.ground_z_m = bounds, way.home.position, way.home.position.z

@@ -17,7 +17,7 @@ from ual_daemon.settings import PayloadSettings
 _log = logging.getLogger(__name__)
 
 
-class Device(NamedTuple):
+class PayloadDevice(NamedTuple):
     """A device of the configuration: its kind, such as "gripper", and its name."""
 
     kind: str
@@ -30,7 +30,7 @@ class Device(NamedTuple):
 
 
 @dataclass(eq=False)
-class _Order:
+class _DeviceOrder:
     text: str
     holds: bool
     result: Future[None] = field(default_factory=Future)
@@ -38,7 +38,7 @@ class _Order:
     is_over: bool = False
 
 
-class Equipment:
+class PayloadEquipment:
     """Payload devices that the UAV carries. From any thread.
 
     An autopilot's answers do not say which order they are for. So a second order of a device waits for no first one: it
@@ -49,17 +49,17 @@ class Equipment:
         self.settings = settings
         self._giving = threading.Lock()
         self._lock = threading.Lock()
-        self._under_way: dict[Device, _Order] = {}
-        self._ordered: dict[Device, str] = {}
+        self._under_way: dict[PayloadDevice, _DeviceOrder] = {}
+        self._ordered: dict[PayloadDevice, str] = {}
 
-    def ordered(self, device: Device) -> str:
+    def ordered(self, device: PayloadDevice) -> str:
         """Returns what was ordered last and acknowledged, human-readable; empty: nothing."""
         with self._lock:
             return self._ordered.get(device, "")
 
     def give(
         self,
-        device: Device,
+        device: PayloadDevice,
         text: str,
         begin: Callable[[], Future[None]],
         *,
@@ -76,8 +76,8 @@ class Equipment:
             UalError: As `require` and `begin`.
 
         """
-        order = _Order(text, holds)
-        ended: list[_Order] = []
+        order = _DeviceOrder(text, holds)
+        ended: list[_DeviceOrder] = []
         try:
             with self._giving:  # the backend gets the orders of several threads as they are kept here
                 require()
@@ -99,7 +99,7 @@ class Equipment:
             text = f"{order.text} was withdrawn: {why}; if it has left already, it may still be done"
             futures.fail(order.result, TaskAbortedError(text, metadata))
 
-    def _replace(self, device: Device, order: _Order, *, holds: bool) -> _Order | None:
+    def _replace(self, device: PayloadDevice, order: _DeviceOrder, *, holds: bool) -> _DeviceOrder | None:
         with self._lock:
             before = self._under_way.get(device)
             if before is not None and not holds:
@@ -108,7 +108,7 @@ class Equipment:
             self._under_way[device] = order
         return before
 
-    def _begin(self, device: Device, order: _Order, begin: Callable[[], Future[None]]) -> None:
+    def _begin(self, device: PayloadDevice, order: _DeviceOrder, begin: Callable[[], Future[None]]) -> None:
         try:
             order.sent = begin()
         except BaseException:
@@ -118,7 +118,7 @@ class Equipment:
         order.sent.add_done_callback(lambda _: self._on_end(device, order))
         order.result.add_done_callback(lambda result: order.sent.cancel() if result.cancelled() else None)
 
-    def _on_end(self, device: Device, order: _Order) -> None:
+    def _on_end(self, device: PayloadDevice, order: _DeviceOrder) -> None:
         is_withdrawn = order.sent.cancelled()
         error = None if is_withdrawn else order.sent.exception()
         if not self._forget(device, order, is_obeyed=error is None and not is_withdrawn):
@@ -128,7 +128,7 @@ class Equipment:
         else:
             futures.end(order.result, error)
 
-    def _stopped(self, orders: Sequence[_Order]) -> list[_Order]:
+    def _stopped(self, orders: Sequence[_DeviceOrder]) -> list[_DeviceOrder]:
         """Has orders not leave any more. Returns those that had not ended before: their futures are to end."""
         with self._lock:
             stopped = [each for each in orders if not each.is_over]
@@ -138,7 +138,7 @@ class Equipment:
             each.sent.cancel()
         return stopped
 
-    def _forget(self, device: Device, order: _Order, *, is_obeyed: bool = False) -> bool:
+    def _forget(self, device: PayloadDevice, order: _DeviceOrder, *, is_obeyed: bool = False) -> bool:
         """Returns whether the order has not ended before."""
         with self._lock:
             is_first, order.is_over = not order.is_over, True

@@ -10,7 +10,7 @@ from ual.types import State, TaskKind, TaskStatus
 from ual_daemon.backends.values import LandedState, LinkReport, Snapshot
 
 
-class Figures(NamedTuple):
+class VehicleFigures(NamedTuple):
     """Read at one moment.
 
     Attributes:

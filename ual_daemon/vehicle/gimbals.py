@@ -39,7 +39,7 @@ _STRAIGHT_RAD = 1e-3
 _FORWARD = Vector3(1.0, 0.0, 0.0)
 
 
-class Followed(NamedTuple):
+class GimbalTarget(NamedTuple):
     """Target that a gimbal follows: as it was given, and as a goal."""
 
     point: PointStamped
@@ -47,14 +47,14 @@ class Followed(NamedTuple):
 
 
 @dataclass(slots=True)
-class _Order:
+class _GimbalOrder:
     """The order to a gimbal that counts: the newest one that it has accepted."""
 
     number: int = 0
     boots_count: int = 0
     """Boots of the autopilot when the order began; 0 where that is not known."""
     activity: GimbalActivity | None = None
-    followed: Followed | None = None
+    followed: GimbalTarget | None = None
     problem: str = ""
     is_logged: bool = False
     """Whether the log has said once that it does not see what it follows."""
@@ -71,7 +71,7 @@ class Aim(NamedTuple):
     limit: str = ""
 
 
-class Gimbals:
+class UavGimbals:
     """The gimbals of one UAV. `update` belongs to the update thread; any thread may call the other members."""
 
     def __init__(self, backend: Backend, resolver: FrameResolver) -> None:
@@ -79,7 +79,7 @@ class Gimbals:
         self._resolver = resolver
         self._offer = backend.offer(OfferedGimbals)  # type: ignore[type-abstract]  # it is only looked for
         self._lock = threading.Lock()
-        self._orders: dict[int, _Order] = {}
+        self._orders: dict[int, _GimbalOrder] = {}
         self._attached_count = 0
         self.due_s = -math.inf if self._offer else math.inf
         """Time at which `update` is to be called next; an attribute, because each update reads it."""
@@ -108,18 +108,18 @@ class Gimbals:
         """Ends what a gimbal was ordered before. Returns the number of the order that begins, for `did`."""
         boots_count = self._backend.snapshot().link.boots_count
         with self._lock:
-            begun = self._orders.get(number, _Order()).number + 1
-            self._put(number, _Order(begun, boots_count))
+            begun = self._orders.get(number, _GimbalOrder()).number + 1
+            self._put(number, _GimbalOrder(begun, boots_count))
         return begun
 
-    def did(self, number: int, begun: int, activity: GimbalActivity, followed: Followed | None = None) -> None:
+    def did(self, number: int, begun: int, activity: GimbalActivity, followed: GimbalTarget | None = None) -> None:
         """Notes that a gimbal has accepted an order, unless a newer one has begun."""
         with self._lock:
             order = self._orders[number]
             if order.number == begun:
-                self._put(number, _Order(begun, order.boots_count, activity, followed))
+                self._put(number, _GimbalOrder(begun, order.boots_count, activity, followed))
 
-    def _put(self, number: int, order: _Order) -> None:
+    def _put(self, number: int, order: _GimbalOrder) -> None:
         """Puts an order in the place of the one before. The caller holds the lock."""
         self._orders[number] = order
         self.is_busy = any(each.followed is not None for each in self._orders.values())
@@ -134,7 +134,7 @@ class Gimbals:
         for number, order in list(self._orders.items()):
             self._step(number, self._all()[number], order, snapshot)
 
-    def _step(self, number: int, gimbal: OfferedGimbal, order: _Order, snapshot: Snapshot) -> None:
+    def _step(self, number: int, gimbal: OfferedGimbal, order: _GimbalOrder, snapshot: Snapshot) -> None:
         control, words = gimbal.control()
         if control is GimbalControl.OTHER and order.activity is not None:
             self._end(number, order, f"{words} has taken the control of it: what this daemon ordered has ended")
@@ -145,13 +145,13 @@ class Gimbals:
         if order.followed is not None:
             self._follow(number, gimbal, order, order.followed.goal, snapshot)
 
-    def _end(self, number: int, order: _Order, problem: str) -> None:
+    def _end(self, number: int, order: _GimbalOrder, problem: str) -> None:
         _log.warning("gimbal %d: %s", number, problem)
         with self._lock:
             if self._orders[number] is order:
-                self._put(number, _Order(order.number, problem=problem))
+                self._put(number, _GimbalOrder(order.number, problem=problem))
 
-    def _follow(self, number: int, gimbal: OfferedGimbal, order: _Order, goal: Goal, snapshot: Snapshot) -> None:
+    def _follow(self, number: int, gimbal: OfferedGimbal, order: _GimbalOrder, goal: Goal, snapshot: Snapshot) -> None:
         try:
             aim = self.aim(gimbal, goal, snapshot)
         except UalError as error:
@@ -203,7 +203,7 @@ class Gimbals:
         """Returns where a gimbal looks, and what it does."""
         number, snapshot, attitude = gimbal.info.number, self._backend.snapshot(), gimbal.attitude()
         body = self._body(snapshot)
-        order = self._orders.get(number, _Order())
+        order = self._orders.get(number, _GimbalOrder())
         followed, (control, words) = order.followed, gimbal.control()
         in_local = None if attitude is None else attitude.in_local(body)
         problems = [*gimbal.problems(), *([order.problem] if order.problem else [])]

@@ -17,7 +17,7 @@ from ual_daemon.frames.tree import MAP
 _LEVEL = 1e-6
 
 
-def geofence_in_map(geofence: policy.Geofence, resolver: FrameResolver, snapshot: Snapshot) -> Geofence:
+def geofence_in_map(geofence: policy.GeofencePolicy, resolver: FrameResolver, snapshot: Snapshot) -> Geofence:
     """Returns the geofence, the floor and the ceiling, and the limits of the autopilot's own fence, as one.
 
     The zones of that fence are refused, but not told: the contract has one polygon and one circle.

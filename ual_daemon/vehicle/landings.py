@@ -10,7 +10,7 @@ from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Cause, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.flight import Flight
-from ual_daemon.flight.manoeuvres.land import Land, OnHeight, ignore_height
+from ual_daemon.flight.manoeuvres.land import LandManoeuvre, OnHeight, ignore_height
 from ual_daemon.flight.manoeuvres.land_on_setpoints import LandOnSetpoints
 from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Manoeuvre
 from ual_daemon.flight.manoeuvres.recover import RecoverFirst
@@ -62,7 +62,9 @@ class Landings:
         command = AutopilotCommand("land")
         has_pilot = self._flight.has_safety_pilot
         send = self._send
-        landing = Land(task, command, reference, snapshot, name, on_height, has_safety_pilot=has_pilot, send=send)
+        landing = LandManoeuvre(
+            task, command, reference, snapshot, name, on_height, has_safety_pilot=has_pilot, send=send
+        )
         return Handover(landing, partial(command.send, self._send, snapshot))
 
     def _send(self) -> Future[None]:

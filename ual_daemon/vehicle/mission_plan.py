@@ -26,8 +26,8 @@ from ual_daemon.flight.policy.home import home_place
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.tracker.limits import at_most
 from ual_daemon.tracker.references import measured_motion
-from ual_daemon.trajectory import Line, Motion
-from ual_daemon.trajectory import Waypoint as Local
+from ual_daemon.trajectory import Motion, StraightLine
+from ual_daemon.trajectory import PathWaypoint as Local
 from ual_daemon.vehicle.reach_limit import ReachLimit
 
 COMMAND = "mission"
@@ -164,7 +164,7 @@ class _Walk:
             geofence.require_inside([self._here, goal], what, snapshot)
 
     def _add(self, goal: Vector3) -> None:
-        line = Line(Motion(self._here, 0.0), goal, 0.0, self._limits)
+        line = StraightLine(Motion(self._here, 0.0), goal, 0.0, self._limits)
         self._length_m += line.length_m
         self._duration_s += line.duration_s
         self._here = goal

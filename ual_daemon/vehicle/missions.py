@@ -19,7 +19,7 @@ from ual_daemon.backends.base import Backend
 from ual_daemon.backends.offers.missions import AutopilotMissions, KeptMission, OnItsOwn
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
-from ual_daemon.flight.flight import LEASE, Flight, Order
+from ual_daemon.flight.flight import LEASE, CommandOrigin, Flight
 from ual_daemon.flight.manoeuvres.autopilot_mission import NAME, AutopilotMission, TakeBack
 from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.flight.tasks import Tasks, VehicleTask
@@ -113,7 +113,13 @@ class Missions:
         self._uploads.require_whole(NAME, MISSION, RALLY)
 
     def start(
-        self, offer: AutopilotMissions, kept: KeptMission, first: int, own: OnItsOwn, order: Order, changes_count: int
+        self,
+        offer: AutopilotMissions,
+        kept: KeptMission,
+        first: int,
+        own: OnItsOwn,
+        order: CommandOrigin,
+        changes_count: int,
     ) -> VehicleTask:
         """Begins the mission that was read from the autopilot, with an item counted from 1.
 
@@ -124,8 +130,8 @@ class Missions:
                 was cut off.
             GeofenceError: It leads outside.
             InvalidArgumentError: It has something that UAL does not know; the item is named.
-            TaskAbortedError: Another command, such as an abort, began after `Order.since`; or another mission was
-                brought meanwhile.
+            TaskAbortedError: Another command, such as an abort, began after `CommandOrigin.since`; or another mission
+                was brought meanwhile.
 
         """
         with self._preconditions.logging_refusal(NAME):

@@ -12,7 +12,7 @@ from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.flight import Flight
 from ual_daemon.frames.resolver import FrameResolver, Goal
 from ual_daemon.tracker.moving_goal import MovingGoal
-from ual_daemon.trajectory import Motion, Waypoint
+from ual_daemon.trajectory import Motion, PathWaypoint
 from ual_daemon.vehicle.reach_limit import ReachLimit
 
 _WHAT = "the goal in the moving frame"
@@ -37,7 +37,7 @@ def moving_goal(
         if flight.position.waits:
             raise TaskAbortedError(f"{_WHAT} is not followed: {flight.position.waits}", {"by": "estimator"})
         geofence.require_inside(polyline, _WHAT, now)
-        reach_limit.require_goal(_WHAT, goal, Waypoint(polyline[-1]), now)
+        reach_limit.require_goal(_WHAT, goal, PathWaypoint(polyline[-1]), now)
 
     def goal_motion(now_s: float) -> Motion:
         return resolver.moving_to_local(goal, now_s, start.yaw_rad)

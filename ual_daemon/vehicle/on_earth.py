@@ -5,10 +5,10 @@ from __future__ import annotations
 from ual.errors import WrongStateError
 from ual.geometry import Vector3
 from ual_daemon.backends.values import Snapshot
-from ual_daemon.flight.policy.geofence import Geofence
+from ual_daemon.flight.policy.geofence import GeofencePolicy
 
 
-def fence_on_earth(geofence: Geofence, snapshot: Snapshot) -> tuple[tuple[float, float], ...]:
+def fence_on_earth(geofence: GeofencePolicy, snapshot: Snapshot) -> tuple[tuple[float, float], ...]:
     """Returns the corners of the configured polygon, latitude and longitude in degrees; empty where it has none.
 
     Raises:

@@ -30,12 +30,12 @@ from ual_daemon import validation
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Cause, Snapshot, Takes
 from ual_daemon.flight.autopilot_command import AutopilotCommand
-from ual_daemon.flight.flight import Flight, Order
+from ual_daemon.flight.flight import CommandOrigin, Flight
 from ual_daemon.flight.manoeuvres.follow import FollowTrajectory, MakeTracker
 from ual_daemon.flight.manoeuvres.follow_moving_goal import FollowMovingGoal
 from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre
 from ual_daemon.flight.manoeuvres.recover import RecoverFirst
-from ual_daemon.flight.manoeuvres.return_to_launch import ReturnToLaunch
+from ual_daemon.flight.manoeuvres.return_to_launch import ReturnManoeuvre
 from ual_daemon.flight.policy.ground import SEEN_NOISE_M
 from ual_daemon.flight.refusals import on_mission
 from ual_daemon.flight.tasks import Tasks, VehicleTask
@@ -44,7 +44,7 @@ from ual_daemon.settings import Tracker, VehicleSettings
 from ual_daemon.tracker import limits
 from ual_daemon.tracker.pure_pursuit import Pursuit
 from ual_daemon.tracker.references import TrajectoryReference, measured_motion
-from ual_daemon.trajectory import Trajectory, Waypoint
+from ual_daemon.trajectory import PathWaypoint, Trajectory
 from ual_daemon.vehicle.admission import admit
 from ual_daemon.vehicle.courses import PathBounds, PathCourse, Resolve, StraightCourse, WayHomeCourse
 from ual_daemon.vehicle.landings import Landings
@@ -92,7 +92,7 @@ class Planner:
         self._tracker_setting = settings.tracker
         self._reach_limit = reach_limit
 
-    def go_to_waypoint(self, request: GoToWaypointRequest, order: Order) -> Prepared[VehicleTask]:
+    def go_to_waypoint(self, request: GoToWaypointRequest, order: CommandOrigin) -> Prepared[VehicleTask]:
         """Plans a straight line to a pose in any frame."""
         with self._preconditions.logging_refusal("go_to_waypoint"):
             self._preconditions.require_capability(Capability.POSITION, "go_to_waypoint")
@@ -112,7 +112,7 @@ class Planner:
             return lambda _: local
         return partial(self._resolver.to_local, goal)
 
-    def go_to_waypoint_geo(self, request: GoToWaypointGeoRequest, order: Order) -> Prepared[VehicleTask]:
+    def go_to_waypoint_geo(self, request: GoToWaypointGeoRequest, order: CommandOrigin) -> Prepared[VehicleTask]:
         """Plans a straight line to a position on Earth."""
         with self._preconditions.logging_refusal("go_to_waypoint_geo"):
             self._preconditions.require_capability(Capability.GEO, "go_to_waypoint_geo")
@@ -129,12 +129,12 @@ class Planner:
         resolve: Resolve,
         max_speed_m_s: float | None,
         snapshot: Snapshot,
-        order: Order,
+        order: CommandOrigin,
     ) -> Prepared[VehicleTask]:
         """Prepares the straight line to a goal, which `resolve` finds in the local frame."""
         name = kind.name.lower()
 
-        def at_speed(now: Snapshot) -> Waypoint:
+        def at_speed(now: Snapshot) -> PathWaypoint:
             local = replace(resolve(now), max_speed_m_s=max_speed_m_s)
             self._reach_limit.require_goal(name, goal, local, now)
             return local
@@ -152,7 +152,7 @@ class Planner:
         what = f"go to {_text(goal)}{above}"
         return self._follow(kind, what, course, snapshot, order, relies_on_home=_is_above_home(goal))
 
-    def _height_text(self, goal: Goal, local: Waypoint) -> str:
+    def _height_text(self, goal: Goal, local: PathWaypoint) -> str:
         """Says how high a goal is above the ground of the take-off, where its z does not say so; else empty."""
         ground_m = self._flight.geofence.ground.z_m
         if ground_m is None or abs(local.position.z - ground_m - goal.position.z) < SEEN_NOISE_M:
@@ -160,7 +160,7 @@ class Planner:
         height_m = local.position.z - ground_m
         return f" ({abs(height_m):.1f} m {'below' if height_m < 0.0 else 'above'} the ground of the take-off)"
 
-    def follow_path(self, request: FollowPathRequest, order: Order) -> Prepared[VehicleTask]:
+    def follow_path(self, request: FollowPathRequest, order: CommandOrigin) -> Prepared[VehicleTask]:
         """Plans a path through waypoints."""
         with self._preconditions.logging_refusal("follow_path"):
             self._preconditions.require_capability(Capability.POSITION, "follow_path")
@@ -207,7 +207,7 @@ class Planner:
         speeds_m_s: Sequence[float | None],
         holds_s: Sequence[float],
         snapshot: Snapshot,
-    ) -> list[Waypoint]:
+    ) -> list[PathWaypoint]:
         waypoints = self._resolver.all_to_local(goals, snapshot)
         return [
             replace(waypoint, max_speed_m_s=speed_m_s, hold_s=hold_s)
@@ -231,7 +231,7 @@ class Planner:
         what: str,
         course: PathCourse,
         snapshot: Snapshot,
-        order: Order,
+        order: CommandOrigin,
         *,
         relies_on_home: bool,
     ) -> Prepared[VehicleTask]:
@@ -254,7 +254,7 @@ class Planner:
             return Prepared(plan, partial(self._begin_after_recovery, kind, what, onward, order))
         return self._prepared(kind, what, trajectory, plan, make, order, relies_on_home=relies_on_home)
 
-    def return_to_launch(self, request: ReturnToLaunchRequest, order: Order) -> Prepared[VehicleTask]:
+    def return_to_launch(self, request: ReturnToLaunchRequest, order: CommandOrigin) -> Prepared[VehicleTask]:
         """Plans the way home. Where the autopilot flies by itself, control is taken back first."""
         with self._preconditions.logging_refusal("return_to_launch"):
             self._preconditions.require_capability(Capability.POSITION, "return_to_launch")
@@ -273,7 +273,7 @@ class Planner:
             course = WayHomeCourse(self._flight, self._settings, height_m, partial(self._bounds, None), way)
             tolerance, tracker = self._tolerance, self._tracker()
             land = self._landings.after
-            return ReturnToLaunch(task, way.trajectory, course, land, tolerance, tracker, planned_s)
+            return ReturnManoeuvre(task, way.trajectory, course, land, tolerance, tracker, planned_s)
 
         def onward(task: VehicleTask, now: Snapshot) -> Manoeuvre:
             way = plan_way_home(self._flight, self._settings, height_m, self._bounds(None), now)
@@ -301,7 +301,7 @@ class Planner:
         kind: TaskKind,
         what: str,
         onward: Callable[[VehicleTask, Snapshot], Manoeuvre],
-        order: Order,
+        order: CommandOrigin,
     ) -> VehicleTask:
         """Begins a task out of a mode in which the autopilot flies by itself. `onward` makes what then flies."""
         name = kind.name.lower()
@@ -329,7 +329,7 @@ class Planner:
         trajectory: Trajectory,
         plan: Plan,
         make: _MakeManoeuvre,
-        order: Order,
+        order: CommandOrigin,
         *,
         relies_on_home: bool,
     ) -> Prepared[VehicleTask]:
@@ -351,7 +351,7 @@ class Planner:
 
         return Prepared(plan, begin)
 
-    def _require_near(self, name: str, trajectory: Trajectory, order: Order) -> None:
+    def _require_near(self, name: str, trajectory: Trajectory, order: CommandOrigin) -> None:
         """Raises `WrongStateError` if the reference would have to jump back to the start of the trajectory."""
         here = self._flight.start(self._preconditions.require_state(name, order.lease_id, State.FLYING_AUTO))
         distance_m = (here.position - trajectory.at(0.0).position).norm()
@@ -362,7 +362,7 @@ class Planner:
             )
 
     def _follow_goal(
-        self, goal: Goal, snapshot: Snapshot, max_speed_m_s: float | None, order: Order
+        self, goal: Goal, snapshot: Snapshot, max_speed_m_s: float | None, order: CommandOrigin
     ) -> Prepared[VehicleTask]:
         """Prepares the task that catches up with a goal in a frame that moves."""
         name, what, bounds = "go_to_waypoint", f"go to {_text(goal)}", partial(self._bounds, max_speed_m_s)
@@ -371,13 +371,13 @@ class Planner:
         reference = moving_goal(self._flight, self._resolver, self._reach_limit, goal, bounds, snapshot, max_speed_m_s)
         admit(self._flight, name, reference, snapshot)
         motion = reference.goal(snapshot.time_s)
-        self._reach_limit.require_goal(name, goal, Waypoint(motion.position), snapshot)
+        self._reach_limit.require_goal(name, goal, PathWaypoint(motion.position), snapshot)
 
         def begin() -> VehicleTask:
             with self._preconditions.logging_refusal(name):
                 task = self._tasks.new(TaskKind.GO_TO_WAYPOINT, what)
                 follow = FollowMovingGoal(name, task, reference, bounds, self._tolerance)
-                self._flight.begin(follow, Order(order.lease_id))  # it is not compared: planning took no time
+                self._flight.begin(follow, CommandOrigin(order.lease_id))  # it is not compared: planning took no time
                 accepted(name, task_id=task.id, what=what, speed_m_s=round(motion.velocity.norm(), 2))
                 return task
 

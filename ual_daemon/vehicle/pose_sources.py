@@ -24,7 +24,7 @@ WINDOW_S = 1.0
 _OWN = "this process"
 
 
-class Motion(NamedTuple):
+class SourcePose(NamedTuple):
     """The measured place of a pose, and when that was."""
 
     position: Vector3
@@ -35,8 +35,8 @@ class PoseSources:
     """Watches the poses of one UAV that go to its autopilot. Times are of one clock. Not thread-safe."""
 
     def __init__(self) -> None:
-        self._last: Motion | None = None
-        self._left: Motion | None = None
+        self._last: SourcePose | None = None
+        self._left: SourcePose | None = None
         """The last pose from before the newest step."""
         self._returns_s: deque[float] = deque(maxlen=RETURNS_COUNT)
         self._apart_m = 0.0
@@ -54,7 +54,7 @@ class PoseSources:
 
         `velocity` is the autopilot's; None where it is not known.
         """
-        last, self._last = self._last, Motion(position, time_s)
+        last, self._last = self._last, SourcePose(position, time_s)
         if last is None:
             return 0.0
         beside_m = _beside_m(last, self._last, std_dev_m, velocity)
@@ -81,7 +81,7 @@ class PoseSources:
         return ""
 
 
-def _beside_m(begin: Motion, end: Motion, std_dev_m: float, velocity: Vector3 | None) -> float:
+def _beside_m(begin: SourcePose, end: SourcePose, std_dev_m: float, velocity: Vector3 | None) -> float:
     """Returns how far a pose is from where the motion leads; 0 where that may be noise."""
     passed_s = max(0.0, end.time_s - begin.time_s)
     way = Vector3() if velocity is None else velocity * passed_s

@@ -14,7 +14,7 @@ from ual_daemon.frames.resolver import Goal
 from ual_daemon.geodesy import is_zero
 from ual_daemon.settings import ConfigError, VehicleSettings
 from ual_daemon.tracker.references import measured_motion
-from ual_daemon.trajectory import Waypoint
+from ual_daemon.trajectory import PathWaypoint
 
 _SETTING = {"setting": "reach_m"}
 _KM = 1000.0
@@ -31,12 +31,12 @@ class ReachLimit:
         if self._reach_m is not None:
             _require_meant(settings)
 
-    def require_goal(self, name: str, goal: Goal | GeoWaypoint, local: Waypoint, snapshot: Snapshot) -> None:
+    def require_goal(self, name: str, goal: Goal | GeoWaypoint, local: PathWaypoint, snapshot: Snapshot) -> None:
         """Checks the goal of a command, which is `local` in the local frame. Raises `GeofenceError`."""
         self.require_goals(name, [goal], [local], snapshot)
 
     def require_goals(
-        self, name: str, goals: Sequence[Goal | GeoWaypoint], locals_: Sequence[Waypoint], snapshot: Snapshot
+        self, name: str, goals: Sequence[Goal | GeoWaypoint], locals_: Sequence[PathWaypoint], snapshot: Snapshot
     ) -> None:
         """Checks all goals of a command. Raises `GeofenceError`, which names the first one that is refused."""
         if self._reach_m is None:

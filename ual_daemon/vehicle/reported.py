@@ -12,12 +12,12 @@ from ual.geometry import Pose, PoseStamped, Transform
 from ual.types import Frame, State, Telemetry
 from ual_daemon import logs, validation
 from ual_daemon.backends.base import Clock
-from ual_daemon.backends.engine.contained import Contained
+from ual_daemon.backends.engine.contained import ErrorBarrier
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.state import Estimate
 from ual_daemon.frames.kept_file import KeptFile
 from ual_daemon.frames.resolver import FrameResolver
-from ual_daemon.vehicle.figures import Figures
+from ual_daemon.vehicle.figures import VehicleFigures
 from ual_daemon.vehicle.frame_editor import FrameEditor
 from ual_daemon.vehicle.listeners import Listeners
 
@@ -52,7 +52,7 @@ class ReportedVehicle(ABC):
         self._state_listeners: Listeners[Callable[[State], None]] = Listeners()
         self._sequence = 0
         self._last_state: State | None = None
-        self._watchers = Contained("a watcher of a UAV")
+        self._watchers = ErrorBarrier("a watcher of a UAV")
 
     # --- What is reported now -----------------------------------------------------------------------------------------
 
@@ -81,11 +81,11 @@ class ReportedVehicle(ABC):
             return None
         return PoseStamped(self._resolver.to_odom(local), self._resolver.tree.odom)
 
-    def figures(self) -> Figures:
+    def figures(self) -> VehicleFigures:
         """Returns what is measured of it, as it is now."""
         snapshot = self._snapshot()
         found = self._estimate(snapshot)
-        return Figures(found.state, found.is_link_up, snapshot)
+        return VehicleFigures(found.state, found.is_link_up, snapshot)
 
     def telemetry(self) -> Telemetry:
         """Returns the newest sample of everything known."""

@@ -13,12 +13,12 @@ from ual.errors import UalError
 from ual.geometry import PoseStamped, Twist, TwistStamped, stamped_twist
 from ual.types import Capability, Plan, State
 from ual_daemon.backends.values import Snapshot
-from ual_daemon.flight.flight import Flight, Order
+from ual_daemon.flight.flight import CommandOrigin, Flight
 from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.tracker import limits
 from ual_daemon.tracker.references import VELOCITY_TIMEOUT_S, Hold, Reference, Velocity
-from ual_daemon.trajectory import Waypoint
+from ual_daemon.trajectory import PathWaypoint
 from ual_daemon.vehicle.admission import admit
 from ual_daemon.vehicle.moving_goals import moving_goal
 from ual_daemon.vehicle.preconditions import Preconditions
@@ -30,7 +30,7 @@ _Make: TypeAlias = Callable[[T, str], tuple[Reference, Snapshot]]
 """Makes the reference of a setpoint that is given by a lease, and returns it with the snapshot that allows it."""
 
 
-class Setpoints:
+class VehicleSetpoints:
     """The setpoints of one UAV. Any thread may call. A setpoint has been sent when its call returns.
 
     `lease_id` is the lease by which a setpoint is given.
@@ -74,7 +74,7 @@ class Setpoints:
             reference, snapshot = make(setpoint, lease_id)
             self._flight.geofence.admit(name, reference, self._flight.limits.get(), snapshot)
             # This raises where a manoeuvre may not be replaced.
-            self._flight.begin_reference(reference, name, snapshot, Order(lease_id))
+            self._flight.begin_reference(reference, name, snapshot, CommandOrigin(lease_id))
         except UalError as error:
             self._preconditions.log_refusal(name, error)
             raise
@@ -93,7 +93,7 @@ class Setpoints:
             reference = moving_goal(
                 self._flight, self._resolver, self._reach_limit, goal, self._flight.limits.get, snapshot
             )
-            there = Waypoint(reference.goal(snapshot.time_s).position)
+            there = PathWaypoint(reference.goal(snapshot.time_s).position)
             self._reach_limit.require_goal("set_pose", goal, there, snapshot)
             return reference, snapshot
         local = self._resolver.to_local(goal, snapshot)

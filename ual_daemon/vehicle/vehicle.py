@@ -15,7 +15,7 @@ from ual.types import Geofence, Info, LeaseInfo, Route, Telemetry
 from ual_daemon import logs, validation
 from ual_daemon._version import __version__
 from ual_daemon.backends.base import Backend, SafetyPilot
-from ual_daemon.backends.engine.contained import Contained
+from ual_daemon.backends.engine.contained import ErrorBarrier
 from ual_daemon.backends.payload import Payload
 from ual_daemon.backends.values import Packet, Setpoint, Snapshot
 from ual_daemon.flight.flight import Flight
@@ -30,11 +30,11 @@ from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.settings import VehicleSettings
 from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.vehicle.commands import Commands
-from ual_daemon.vehicle.equipment import Equipment
+from ual_daemon.vehicle.equipment import PayloadEquipment
 from ual_daemon.vehicle.external_poses import ExternalPoses
 from ual_daemon.vehicle.fence_notice import FenceNotice
-from ual_daemon.vehicle.figures import Figures
-from ual_daemon.vehicle.gimbals import Gimbals
+from ual_daemon.vehicle.figures import VehicleFigures
+from ual_daemon.vehicle.gimbals import UavGimbals
 from ual_daemon.vehicle.in_map import geofence_in_map, route_in_map
 from ual_daemon.vehicle.mission_file import MissionFile
 from ual_daemon.vehicle.missions import Missions
@@ -89,9 +89,9 @@ class Vehicle(ReportedVehicle):
         self.kept_files = tuple(each.kept for each in (kept, journal, file) if each is not None)
         self.missions = Missions(backend, self._flight, resolver, self._tasks, settings, file, self.uploads)
         """The missions that the autopilot flies by itself."""
-        self.equipment = Equipment(settings.payload)
+        self.equipment = PayloadEquipment(settings.payload)
         """Payload devices that the UAV carries."""
-        self.gimbals = Gimbals(backend, resolver)
+        self.gimbals = UavGimbals(backend, resolver)
         """The gimbals that it carries."""
         self._jumps = JumpDetector()
         self._heading_jumps = HeadingJumpDetector()
@@ -107,8 +107,8 @@ class Vehicle(ReportedVehicle):
         has_polygon = own is not None and bool(own.polygon or own.polygon_geo)
         self._fence_notice = FenceNotice(backend.info, is_needed=has_polygon and not watch_only)
         self._severe_log = SevereLog()
-        self._contained = Contained("an update of a UAV")
-        self._flying = Contained("what flies a UAV", "no setpoint is sent while it does")
+        self._contained = ErrorBarrier("an update of a UAV")
+        self._flying = ErrorBarrier("what flies a UAV", "no setpoint is sent while it does")
 
     # --- Lifetime -----------------------------------------------------------------------------------------------------
 
@@ -271,7 +271,7 @@ class Vehicle(ReportedVehicle):
         return self._flight.estimate(snapshot)
 
     @override
-    def figures(self) -> Figures:
+    def figures(self) -> VehicleFigures:
         task = self._flight.task_info()
         return (
             super()
@@ -311,7 +311,7 @@ class Vehicle(ReportedVehicle):
 
         To be called before `open`, once for each observer.
         """
-        before, contained = self._flight.sender.on_sent, Contained("a watcher of setpoints")
+        before, contained = self._flight.sender.on_sent, ErrorBarrier("a watcher of setpoints")
 
         def call_both(setpoint: Setpoint) -> None:
             if before is not None:

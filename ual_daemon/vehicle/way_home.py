@@ -11,7 +11,7 @@ from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.flight import Flight
 from ual_daemon.flight.policy.home import HomePlace, home_place
 from ual_daemon.settings import VehicleSettings
-from ual_daemon.trajectory import Brake, Chain, Motion, Trajectory, Waypoint, path
+from ual_daemon.trajectory import Brake, Chain, Motion, PathWaypoint, Trajectory, path
 from ual_daemon.vehicle.admission import admit
 from ual_daemon.vehicle.reach_limit import require_home
 
@@ -85,9 +85,9 @@ def _way_z_m(
 def _trajectory(start: Motion, stop: Motion, over_home: Vector3, bounds: Limits) -> Trajectory:
     """Plans the motion: to rest, straight up (or down, below the ceiling), and straight over home."""
     here = stop.position
-    ways = [Waypoint(over_home)]
+    ways = [PathWaypoint(over_home)]
     if abs(over_home.z - here.z) > _SAME_HEIGHT_M:
-        ways.insert(0, Waypoint(Vector3(here.x, here.y, over_home.z)))
+        ways.insert(0, PathWaypoint(Vector3(here.x, here.y, over_home.z)))
     onward = path(Motion(here, stop.yaw_rad), ways, 0.0, bounds, PathHeading.FIXED)
     if start.velocity == start.acceleration == Vector3() and start.yaw_rate_rad_s == 0.0:
         return onward

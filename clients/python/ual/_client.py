@@ -15,7 +15,7 @@ from ual._derived_parts import PartMembers, Parts
 from ual._lease import Lease
 from ual._setpoints import EXTERNAL_POSES, Setpoints
 from ual._subscription import Subscription, Subscriptions
-from ual._target import Target
+from ual._target import DaemonTarget
 from ual._task import Task
 from ual.credentials import Credentials
 from ual.shared.uncopied import Uncopied
@@ -60,7 +60,7 @@ class Uav(Uncopied, PartMembers, UavMembers):
         credentials: Credentials | None = None,
         network: Network | NetworkSettings | str | Path | None = None,
     ) -> None:
-        self._connection = Connection(Target(ns, address, tls_ca, credentials, network))
+        self._connection = Connection(DaemonTarget(ns, address, tls_ca, credentials, network))
         self._lease: Lease | None = None
         self._setpoints = Setpoints(self._connection)
         self._external_poses = Setpoints(self._connection, kind=EXTERNAL_POSES)

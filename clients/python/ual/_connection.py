@@ -11,7 +11,7 @@ import grpc
 
 from ual import _calls, _forks, _interrupts
 from ual._calls import Call
-from ual._target import Route, Stubs, Target
+from ual._target import DaemonTarget, Route, Stubs
 from ual.errors import DaemonUnreachableError, UalError
 from ual.shared.tracing import Metadata
 from ual.v1 import ual_pb2 as pb
@@ -23,7 +23,7 @@ T = TypeVar("T")
 class Connection:
     """Makes calls to the daemon of a target. May be used from any thread."""
 
-    def __init__(self, target: Target) -> None:
+    def __init__(self, target: DaemonTarget) -> None:
         self.target = target
         target.settle()
         self._lock = threading.Lock()
@@ -288,7 +288,7 @@ def _all_of(responses: Any) -> list[Any]:  # noqa: ANN401 (an iterator and a cal
 class TelemetryStream:
     """One stream of telemetry. Only one thread at a time may read it; any thread may call `close`."""
 
-    def __init__(self, channel: grpc.Channel, target: Target, address: str, rate_hz: float) -> None:
+    def __init__(self, channel: grpc.Channel, target: DaemonTarget, address: str, rate_hz: float) -> None:
         self._channel = channel
         self._target = target
         self._address = address

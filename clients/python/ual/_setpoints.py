@@ -26,7 +26,7 @@ from ual.errors import DaemonUnreachableError, UalError
 _log = logging.getLogger(__name__)
 
 Element: TypeAlias = Any
-"""A message of the stream: which one depends on its `Kind`."""
+"""A message of the stream: which one depends on its `StreamKind`."""
 
 CONTINUES_S = 0.5
 """A setpoint that comes later than this after the last one is sent by a call again. The daemon stops a UAV that gets no
@@ -38,7 +38,7 @@ CLOSE_S = 2.0
 """Seconds that the daemon may take to read the last setpoints of a stream."""
 
 
-class Kind(NamedTuple):
+class StreamKind(NamedTuple):
     """Kind of stream: its name in the plural, the call of a single value, and the method of the stream. The last field
     says what is unknown about values that the daemon did not take.
     """
@@ -49,8 +49,8 @@ class Kind(NamedTuple):
     doubt: str
 
 
-SETPOINTS = Kind("setpoints", _calls.single_setpoint, "StreamSetpoints", "whether the UAV follows them")
-EXTERNAL_POSES = Kind(
+SETPOINTS = StreamKind("setpoints", _calls.single_setpoint, "StreamSetpoints", "whether the UAV follows them")
+EXTERNAL_POSES = StreamKind(
     "poses from outside", _calls.single_external_pose, "StreamExternalPoses", "whether the autopilot got them"
 )
 
@@ -59,7 +59,7 @@ class Setpoints:
     """Sends setpoints; skips those that a newer one has replaced. May be used from any thread."""
 
     def __init__(
-        self, connection: Connection, clock: Callable[[], float] = time.monotonic, kind: Kind = SETPOINTS
+        self, connection: Connection, clock: Callable[[], float] = time.monotonic, kind: StreamKind = SETPOINTS
     ) -> None:
         self._kind = kind
         self._connection = connection
@@ -134,7 +134,7 @@ class Setpoints:
                 self._failure = failure
 
 
-def log_settled(is_taken: bool, failure: UalError | None, kind: Kind = SETPOINTS) -> bool:
+def log_settled(is_taken: bool, failure: UalError | None, kind: StreamKind = SETPOINTS) -> bool:
     """Logs what went wrong with the last setpoints of a stream; returns whether all of them were taken."""
     if not is_taken:
         _log.warning(
@@ -157,7 +157,7 @@ class _Stream:
         connection: Connection,
         on_end: Callable[[_Stream, UalError | None], None],
         clock: Callable[[], float],
-        kind: Kind = SETPOINTS,
+        kind: StreamKind = SETPOINTS,
     ) -> None:
         self._kind = kind
         self._connection = connection

@@ -28,7 +28,7 @@ NS_METADATA_KEY = "ual-ns"
 LEASE_METADATA_KEY = "ual-lease"
 
 SETTLING_S = 0.05
-"""Seconds between two checks whether the network is known (`Target.is_settled`)."""
+"""Seconds between two checks whether the network is known (`DaemonTarget.is_settled`)."""
 
 CHANNEL_OPTIONS: tuple[tuple[str, int], ...] = (
     # The longest pause between two attempts to connect: a restarted daemon is found again within 500 ms.
@@ -88,7 +88,7 @@ class Route:
     call_count: int = 0
 
 
-class Followed(Protocol):
+class FollowedAddress(Protocol):
     """See `ual.network.followed.Followed`."""
 
     @property
@@ -106,7 +106,7 @@ class Followed(Protocol):
         """Leaves the network, where it was joined for this client."""
 
 
-class Target:
+class DaemonTarget:
     """The daemon that a client talks to: at a fixed address, or where the network or this computer's registry says."""
 
     def __init__(
@@ -218,7 +218,7 @@ class Target:
         return self._address or discovery.default_address(self.ns)
 
 
-def _follow(network: NetworkChoice, ns: str) -> Followed:
+def _follow(network: NetworkChoice, ns: str) -> FollowedAddress:
     from ual.network import membership  # imported late: few clients need it
 
     return membership.follow(network, ns)

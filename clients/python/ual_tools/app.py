@@ -38,7 +38,7 @@ def _write_unbroken(formatter: click.HelpFormatter, text: str) -> None:
 
 
 class _SharedOptions(click.Command):
-    """A command or group with the options of `Session`, a section of the help, and examples.
+    """A command or group with the options of `CommandSession`, a section of the help, and examples.
 
     Args:
         section: Where `ual --help` lists it.

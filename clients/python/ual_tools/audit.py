@@ -10,7 +10,7 @@ from ual.access import audit as chain
 from ual.errors import InvalidArgumentError
 from ual_tools.app import UalGroup, command
 from ual_tools.help import Section
-from ual_tools.session import Session, pass_session
+from ual_tools.session import CommandSession, pass_session
 
 
 @click.group("audit", cls=UalGroup, section=Section.ACCESS, examples=("ual audit verify audit.jsonl",))
@@ -22,7 +22,7 @@ def audit() -> None:
 @click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @click.option("--head", metavar="HASH", help="The last hash, as the daemon has logged it: finds lines cut off the end.")
 @pass_session
-def verify(session: Session, file: Path, head: str | None) -> None:
+def verify(session: CommandSession, file: Path, head: str | None) -> None:
     """Check that no line was changed or removed.
 
     Lines that were added or swapped are found, too.

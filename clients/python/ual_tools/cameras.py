@@ -14,7 +14,7 @@ from ual.shared import whole_file
 from ual_tools import fetched, values
 from ual_tools.app import UalCommand, UalGroup
 from ual_tools.help import Section
-from ual_tools.session import Session, pass_session
+from ual_tools.session import CommandSession, pass_session
 from ual_tools.tables import print_table
 
 _FILE = click.Path(path_type=Path, dir_okay=False)
@@ -45,7 +45,7 @@ def camera() -> None:
 
 @camera.command("list", cls=UalCommand, examples=("ual camera list",))
 @pass_session
-def list_cameras(session: Session) -> None:
+def list_cameras(session: CommandSession) -> None:
     """List the cameras, and what each can do."""
     with session.connect() as uav:
         found = uav.cameras.get_all()
@@ -61,7 +61,7 @@ def list_cameras(session: Session) -> None:
 @camera.command("status", cls=UalCommand, examples=("ual camera status",))
 @_camera
 @pass_session
-def status(session: Session, number: int) -> None:
+def status(session: CommandSession, number: int) -> None:
     """Print what a camera does now."""
     with session.connect() as uav:
         found = uav.cameras[number].status()
@@ -71,7 +71,7 @@ def status(session: Session, number: int) -> None:
 @camera.command("photo", cls=UalCommand, examples=("ual camera photo", "ual camera photo --camera 1"))
 @_camera
 @pass_session
-def photo(session: Session, number: int) -> None:
+def photo(session: CommandSession, number: int) -> None:
     """Take a picture."""
     with session.connect() as uav:
         taken = uav.cameras[number].take_photo()
@@ -83,7 +83,7 @@ def photo(session: Session, number: int) -> None:
 @click.option("--count", type=click.IntRange(1), help="End after so many.")
 @_camera
 @pass_session
-def interval(session: Session, seconds: float, count: int | None, number: int) -> None:
+def interval(session: CommandSession, seconds: float, count: int | None, number: int) -> None:
     """Take a picture each SECONDS, until `stop`."""
     with session.connect() as uav:
         uav.cameras[number].start_photos(interval_s=seconds, count=count or 0)
@@ -94,7 +94,7 @@ def interval(session: Session, seconds: float, count: int | None, number: int) -
 @click.argument("metres", type=values.number)
 @_camera
 @pass_session
-def distance(session: Session, metres: float, number: int) -> None:
+def distance(session: CommandSession, metres: float, number: int) -> None:
     """Take a picture each METRES that are flown, until `stop`.
 
     The first one is taken at once.
@@ -107,7 +107,7 @@ def distance(session: Session, metres: float, number: int) -> None:
 @camera.command("stop", cls=UalCommand, examples=("ual camera stop",))
 @_camera
 @pass_session
-def stop(session: Session, number: int) -> None:
+def stop(session: CommandSession, number: int) -> None:
     """Take no more pictures by time or distance."""
     with session.connect() as uav:
         uav.cameras[number].stop_photos()
@@ -118,7 +118,7 @@ def stop(session: Session, number: int) -> None:
 @click.option("--first", type=click.IntRange(0), default=0, help="Only from this number on.")
 @_camera
 @pass_session
-def photos(session: Session, first: int, number: int) -> None:
+def photos(session: CommandSession, first: int, number: int) -> None:
     """List the pictures that were taken since the daemon was started."""
     with session.connect() as uav:
         found = uav.cameras[number].photos(first)
@@ -130,7 +130,7 @@ def photos(session: Session, first: int, number: int) -> None:
 @click.argument("action", type=click.Choice(["start", "stop"]))
 @_camera
 @pass_session
-def video(session: Session, action: str, number: int) -> None:
+def video(session: CommandSession, action: str, number: int) -> None:
     """Record a video in the camera."""
     with session.connect() as uav:
         chosen = uav.cameras[number]
@@ -142,7 +142,7 @@ def video(session: Session, action: str, number: int) -> None:
 @click.argument("mode", type=click.Choice([each.name.lower() for each in CameraMode]))
 @_camera
 @pass_session
-def mode(session: Session, mode: str, number: int) -> None:
+def mode(session: CommandSession, mode: str, number: int) -> None:
     """Set the mode of a camera that has modes."""
     with session.connect() as uav:
         uav.cameras[number].set_mode(CameraMode[mode.upper()])
@@ -153,7 +153,7 @@ def mode(session: Session, mode: str, number: int) -> None:
 @click.argument("percent", type=values.number)
 @_camera
 @pass_session
-def zoom(session: Session, percent: float, number: int) -> None:
+def zoom(session: CommandSession, percent: float, number: int) -> None:
     """Zoom to PERCENT: 0 is wide."""
     with session.connect() as uav:
         uav.cameras[number].set_zoom(percent)
@@ -164,7 +164,7 @@ def zoom(session: Session, percent: float, number: int) -> None:
 @click.argument("percent", type=values.number, required=False)
 @_camera
 @pass_session
-def focus(session: Session, percent: float | None, number: int) -> None:
+def focus(session: CommandSession, percent: float | None, number: int) -> None:
     """Focus at PERCENT: 0 is near. Without it the camera focuses by itself, once."""
     with session.connect() as uav:
         uav.cameras[number].set_focus(percent)
@@ -174,7 +174,7 @@ def focus(session: Session, percent: float | None, number: int) -> None:
 @camera.command("streams", cls=UalCommand, examples=("ual camera streams",))
 @_camera
 @pass_session
-def streams(session: Session, number: int) -> None:
+def streams(session: CommandSession, number: int) -> None:
     """Print where its videos can be watched.
 
     A player such as ffplay or VLC opens the addresses.
@@ -204,7 +204,7 @@ def streams(session: Session, number: int) -> None:
 )
 @_camera
 @pass_session
-def image(session: Session, file: Path, photo_number: int | None, kind: str, number: int) -> None:
+def image(session: CommandSession, file: Path, photo_number: int | None, kind: str, number: int) -> None:
     """Write what the camera sees to FILE.
 
     The format is the camera's own, whatever FILE ends in; the result names it. Depths and ranges are metres, written
@@ -228,7 +228,7 @@ def image(session: Session, file: Path, photo_number: int | None, kind: str, num
 @click.option("--first", type=click.IntRange(0), default=0, help="Only from this number on.")
 @_camera
 @pass_session
-def fetch(session: Session, directory: Path, first: int, number: int) -> None:
+def fetch(session: CommandSession, directory: Path, first: int, number: int) -> None:
     """Write what was taken into DIRECTORY, as JPEG with places.
 
     Each file says when, where and in which direction it was taken, for programs that make maps. Files that are there
@@ -245,7 +245,7 @@ def fetch(session: Session, directory: Path, first: int, number: int) -> None:
         raise fetching.error
 
 
-def _done(session: Session, command: str) -> None:
+def _done(session: CommandSession, command: str) -> None:
     session.emit({"done": command}, "done")
 
 

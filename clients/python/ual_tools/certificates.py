@@ -15,7 +15,7 @@ from ual.errors import InvalidArgumentError, UalError
 from ual.shared import extras
 from ual_tools.app import UalGroup, command
 from ual_tools.help import Section
-from ual_tools.session import Session, pass_session
+from ual_tools.session import CommandSession, pass_session
 from ual_tools.values import Number
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def certificates() -> None:
 @_days(_LONGEST_DAYS)
 @_directory
 @pass_session
-def authority(session: Session, name: str, days: float, directory: Path) -> None:
+def authority(session: CommandSession, name: str, days: float, directory: Path) -> None:
     """Make the authority.
 
     authority.pem is for everybody, authority.key is secret.
@@ -84,7 +84,7 @@ def authority(session: Session, name: str, days: float, directory: Path) -> None
 @_days(365.0)
 @_directory
 @pass_session
-def daemon(session: Session, name: str, hosts: tuple[str, ...], days: float, directory: Path) -> None:
+def daemon(session: CommandSession, name: str, hosts: tuple[str, ...], days: float, directory: Path) -> None:
     """Make the certificate of a daemon, or of a router of the network.
 
     It is used by `ual-daemon --tls-certificate NAME.pem --tls-key NAME.key`, and by what `ual certificates network`
@@ -99,7 +99,7 @@ def daemon(session: Session, name: str, hosts: tuple[str, ...], days: float, dir
 @_days(365.0)
 @_directory
 @pass_session
-def caller(session: Session, name: str, days: float, directory: Path) -> None:
+def caller(session: CommandSession, name: str, days: float, directory: Path) -> None:
     """Make the certificate of a caller.
 
     What NAME may do, the daemon's roles file says.
@@ -127,7 +127,7 @@ def caller(session: Session, name: str, days: float, directory: Path) -> None:
 @_directory
 @pass_session
 def network(
-    session: Session,
+    session: CommandSession,
     site: str,
     routers: tuple[str, ...],
     uavs: tuple[str, ...],
@@ -145,7 +145,7 @@ def network(
 
     with _refusals("`ual certificates daemon` makes those of routers and UAVs, `ual certificates caller` the others"):
         read = [_router(network_files.Router, each) for each in routers]
-        written = network_files.write(directory, network_files.Site(site, read, uavs, observers))
+        written = network_files.write(directory, network_files.NetworkSite(site, read, uavs, observers))
     session.emit_written({"files": [str(path) for path in written]}, "\n".join(map(str, written)))
 
 
@@ -163,7 +163,7 @@ def _module() -> ModuleType:
     return module
 
 
-def _made(session: Session, make: Callable[[], Files]) -> None:
+def _made(session: CommandSession, make: Callable[[], Files]) -> None:
     with _refusals("`ual certificates authority` makes it"):
         made = make()
     session.emit_written({"certificate": made.certificate, "key": made.key}, f"{made.certificate}\n{made.key}")

@@ -11,7 +11,7 @@ import click
 from ual_tools import complete
 from ual_tools.app import command
 from ual_tools.help import Section
-from ual_tools.session import REFUSED, Session, note, pass_session
+from ual_tools.session import REFUSED, CommandSession, note, pass_session
 from ual_tools.tables import print_table
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 )
 @click.option("--list", "only_list", is_flag=True, help="List the checks, and end.")
 @pass_session
-def check(session: Session, yes: bool, no_motion: bool, only: tuple[str, ...], only_list: bool) -> None:
+def check(session: CommandSession, yes: bool, no_motion: bool, only: tuple[str, ...], only_list: bool) -> None:
     """Check that the UAV does what all UAVs must do.
 
     It flies within 6 m of where it stands, up to 5 m high. Where its autopilot flies missions, it flies one up to 20 m
@@ -66,7 +66,7 @@ def _chosen(checks: Sequence[Check], only: tuple[str, ...]) -> list[Check]:
     return [check for check in checks if not only or check.name in only]
 
 
-def _print_list(session: Session, checks: Sequence[Check]) -> None:
+def _print_list(session: CommandSession, checks: Sequence[Check]) -> None:
     for each in checks:
         session.emit({"check": each.name, "description": each.description, "moves": each.moves})
     if not session.as_json:
@@ -109,7 +109,7 @@ def _show_start(check: Check) -> None:
         click.echo(f"\r\033[K{check.name.replace('_', ' ')} ...", nl=False, err=True)
 
 
-def _emit(session: Session, result: Result) -> None:
+def _emit(session: CommandSession, result: Result) -> None:
     session.emit(
         {
             "check": result.check.name,
@@ -120,7 +120,7 @@ def _emit(session: Session, result: Result) -> None:
     )
 
 
-def _print_results(session: Session, results: Sequence[Result]) -> None:
+def _print_results(session: CommandSession, results: Sequence[Result]) -> None:
     from ual.conformance import Outcome
 
     if sys.stderr.isatty():

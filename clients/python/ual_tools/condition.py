@@ -11,7 +11,7 @@ from typing import TypeVar
 from ual.discovery import natural_order
 from ual.errors import UalError
 from ual.types import Battery, Health, State, Telemetry
-from ual_tools.watch_board import Seen
+from ual_tools.watch_board import WatchedUav
 
 LOW_PERCENT, CRITICAL_PERCENT = 30.0, 15.0
 """At and below these a battery is called low (QGroundControl announces it from there on), and critical (PX4 warns
@@ -24,7 +24,7 @@ _WEAK_LINK = 0.8
 T = TypeVar("T")
 
 
-class Level(IntEnum):
+class Urgency(IntEnum):
     """Urgency of a condition."""
 
     FINE = 0
@@ -32,19 +32,19 @@ class Level(IntEnum):
     ALARM = 2
 
 
-STYLES: Mapping[Level, str] = {Level.FINE: "", Level.WARNING: "bold yellow", Level.ALARM: "bold red"}
+STYLES: Mapping[Urgency, str] = {Urgency.FINE: "", Urgency.WARNING: "bold yellow", Urgency.ALARM: "bold red"}
 """Of rich."""
 
 
 @dataclass(frozen=True, slots=True)
-class Condition:
+class UavCondition:
     """Condition of a UAV.
 
     `state` is its state in one word, ``LOST`` where nothing true is known of it. `text` says all that is wrong, and
     `note` the same without the battery, where that is shown beside it.
     """
 
-    level: Level = Level.FINE
+    level: Urgency = Urgency.FINE
     state: str = ""
     text: str = ""
     note: str = ""
@@ -52,38 +52,38 @@ class Condition:
     @property
     def is_lost(self) -> bool:
         """Whether nothing true is known of its state."""
-        return self.level is Level.ALARM and self.state not in State.__members__
+        return self.level is Urgency.ALARM and self.state not in State.__members__
 
 
-def of_telemetry(t: Telemetry) -> Condition:
+def of_telemetry(t: Telemetry) -> UavCondition:
     """Returns how a UAV is by a sample that is the present."""
     found = [*_of_health(t), *_of_state(t)]
     battery = battery_level(t.battery)
     others = sorted(found, key=lambda each: -each[0])
     note = "; ".join(text for _, text in others)
-    if battery is not Level.FINE:
+    if battery is not Urgency.FINE:
         others = sorted([*found, (battery, f"battery {battery_text(t.battery)}")], key=lambda each: -each[0])
     text = "; ".join(text for _, text in others)
-    return Condition(max((level for level, _ in others), default=Level.FINE), t.state.name, text, note)
+    return UavCondition(max((level for level, _ in others), default=Urgency.FINE), t.state.name, text, note)
 
 
-def of_seen(seen: Seen, now_s: float, lost_after_s: float) -> Condition:
+def of_seen(seen: WatchedUav, now_s: float, lost_after_s: float) -> UavCondition:
     """Returns how a UAV is by what is known of it."""
     what = problem(seen, now_s, lost_after_s)
     if what:
-        return Condition(Level.ALARM, "LOST", what, what)
-    return Condition() if seen.telemetry is None else of_telemetry(seen.telemetry)
+        return UavCondition(Urgency.ALARM, "LOST", what, what)
+    return UavCondition() if seen.telemetry is None else of_telemetry(seen.telemetry)
 
 
-def of_answer(found: Telemetry | UalError) -> Condition:
+def of_answer(found: Telemetry | UalError) -> UavCondition:
     """Returns how a UAV is by what its daemon answered."""
     if isinstance(found, Telemetry):
         return of_telemetry(found)
     text = " ".join(found.message.split())
-    return Condition(Level.ALARM, found.reason, text, text)
+    return UavCondition(Urgency.ALARM, found.reason, text, text)
 
 
-def problem(seen: Seen, now_s: float, lost_after_s: float) -> str:
+def problem(seen: WatchedUav, now_s: float, lost_after_s: float) -> str:
     """Returns why the sample must not be taken for the present, or nothing."""
     was = "" if seen.telemetry is None else f", it was {seen.telemetry.state.name}"
     if seen.gone_s is not None:
@@ -100,7 +100,7 @@ def battery_text(battery: Battery | None) -> str:
         return ""
     if battery.remaining_percent is None:
         return "" if battery.voltage_v is None else f"{battery.voltage_v:.1f} V"
-    text = {Level.WARNING: " LOW", Level.ALARM: " CRITICAL"}.get(battery_level(battery), "")
+    text = {Urgency.WARNING: " LOW", Urgency.ALARM: " CRITICAL"}.get(battery_level(battery), "")
     return f"{battery.remaining_percent:.0f} %{text}"
 
 
@@ -113,15 +113,15 @@ def batteries_text(t: Telemetry) -> str:
     return f"{decisive} ({', '.join(each)})"
 
 
-def battery_level(battery: Battery | None) -> Level:
+def battery_level(battery: Battery | None) -> Urgency:
     """Returns how urgent it is that a battery is charged; what is not known is no trouble."""
     percent = None if battery is None else battery.remaining_percent
     if percent is None or percent > LOW_PERCENT:
-        return Level.FINE
-    return Level.ALARM if percent <= CRITICAL_PERCENT else Level.WARNING
+        return Urgency.FINE
+    return Urgency.ALARM if percent <= CRITICAL_PERCENT else Urgency.WARNING
 
 
-def worst_first(found: Iterable[T], condition_of: Callable[[T], Condition], name_of: Callable[[T], str]) -> list[T]:
+def worst_first(found: Iterable[T], condition_of: Callable[[T], UavCondition], name_of: Callable[[T], str]) -> list[T]:
     """Returns UAVs sorted by urgency, those that are lost before all others, then by name and number."""
 
     def rank(each: T) -> tuple[int, bool, object]:
@@ -131,44 +131,44 @@ def worst_first(found: Iterable[T], condition_of: Callable[[T], Condition], name
     return sorted(found, key=rank)
 
 
-def summary(conditions: Iterable[Condition]) -> str:
+def summary(conditions: Iterable[UavCondition]) -> str:
     """Returns how many UAVs need attention, and how many are in which state, what is worst first."""
     known = list(conditions)
-    level_of: dict[str, Level] = {}
+    level_of: dict[str, Urgency] = {}
     for each in known:
-        level_of[each.state] = max(each.level, level_of.get(each.state, Level.FINE))
+        level_of[each.state] = max(each.level, level_of.get(each.state, Urgency.FINE))
     levels = Counter(each.level for each in known)
-    alarms, warnings = levels[Level.ALARM], levels[Level.WARNING]
+    alarms, warnings = levels[Urgency.ALARM], levels[Urgency.WARNING]
     urgent = [f"{alarms} alarm{'s' * (alarms > 1)}"] * bool(alarms)
     urgent += [f"{warnings} warning{'s' * (warnings > 1)}"] * bool(warnings)
     counts = Counter(each.state or "not heard yet" for each in known)
-    states = sorted(counts, key=lambda state: (-level_of.get(state, Level.FINE), -counts[state], state))
+    states = sorted(counts, key=lambda state: (-level_of.get(state, Urgency.FINE), -counts[state], state))
     return "; ".join(filter(None, (", ".join(urgent), ", ".join(f"{counts[state]} {state}" for state in states))))
 
 
-def worst(conditions: Iterable[Condition]) -> Level:
+def worst(conditions: Iterable[UavCondition]) -> Urgency:
     """Returns the most urgent level."""
-    return max((each.level for each in conditions), default=Level.FINE)
+    return max((each.level for each in conditions), default=Urgency.FINE)
 
 
-def _of_health(t: Telemetry) -> list[tuple[Level, str]]:
+def _of_health(t: Telemetry) -> list[tuple[Urgency, str]]:
     health = t.health or Health()
-    found = [(Level.ALARM, f"failsafe: {health.failsafe}")] * bool(health.failsafe)
+    found = [(Urgency.ALARM, f"failsafe: {health.failsafe}")] * bool(health.failsafe)
     if t.frame_lost:
-        found.append((Level.ALARM, f"frame lost: {t.frame_lost}"))
+        found.append((Urgency.ALARM, f"frame lost: {t.frame_lost}"))
     if health.link_quality is not None and health.link_quality < _WEAK_LINK:
-        found.append((Level.WARNING, f"weak link: {100.0 * health.link_quality:.0f} % arrives"))
-    found += [(Level.WARNING, each) for each in health.failing_checks if each.startswith(_ALWAYS_TOLD)]
+        found.append((Urgency.WARNING, f"weak link: {100.0 * health.link_quality:.0f} % arrives"))
+    found += [(Urgency.WARNING, each) for each in health.failing_checks if each.startswith(_ALWAYS_TOLD)]
     if t.state is State.LANDED_DISARMED and health.is_ready_to_arm is False:
         others = ", ".join(each for each in health.failing_checks if not each.startswith(_ALWAYS_TOLD))
-        found.append((Level.WARNING, f"not ready to arm: {others or 'it does not say why'}"))
+        found.append((Urgency.WARNING, f"not ready to arm: {others or 'it does not say why'}"))
     return found
 
 
-def _of_state(t: Telemetry) -> list[tuple[Level, str]]:
+def _of_state(t: Telemetry) -> list[tuple[Urgency, str]]:
     if t.state is State.UNINITIALIZED:
-        return [(Level.ALARM, t.state_reason or "nothing can be done yet")]
+        return [(Urgency.ALARM, t.state_reason or "nothing can be done yet")]
     if t.state is State.FLYING_MANUAL:
         held_by = "" if t.health is None else t.health.held_by
-        return [(Level.WARNING, f"held by {held_by}" if held_by else t.state_reason or "flown by hand")]
+        return [(Urgency.WARNING, f"held by {held_by}" if held_by else t.state_reason or "flown by hand")]
     return []

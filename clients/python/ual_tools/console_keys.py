@@ -8,7 +8,7 @@ from typing import Any
 
 from typing_extensions import override
 
-from ual_tools.keys import Keyboard
+from ual_tools.keys import TerminalKeys
 
 _POLL_S = 0.005
 """A console cannot be waited for: it has to be asked again and again."""
@@ -27,7 +27,7 @@ _SEQUENCES = {
 """The sequence of xterm for each code of `msvcrt.getwch`: arrows, page up and down, home, end."""
 
 
-class ConsoleKeyboard(Keyboard):
+class ConsoleKeyboard(TerminalKeys):
     """The keys of a console."""
 
     def __init__(self, file: int) -> None:

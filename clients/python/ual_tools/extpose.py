@@ -18,7 +18,7 @@ from ual.shared.text import decoded, lines_of
 from ual_tools import complete, values
 from ual_tools.app import command
 from ual_tools.help import Section
-from ual_tools.session import Session, pass_session
+from ual_tools.session import CommandSession, pass_session
 
 _ORIENTED = 7
 
@@ -37,7 +37,9 @@ _ORIENTED = 7
 @click.option("--std-dev", "std_dev_m", type=values.number, help="The standard deviation of their positions (m).")
 @click.option("--repeat", is_flag=True, help="Begin again at the end of the file, until Ctrl-C.")
 @pass_session
-def extpose(session: Session, file: Path, rate_hz: float, frame_id: str, std_dev_m: float | None, repeat: bool) -> None:
+def extpose(
+    session: CommandSession, file: Path, rate_hz: float, frame_id: str, std_dev_m: float | None, repeat: bool
+) -> None:
     """Give the autopilot poses from outside, out of a file.
 
     That is what a motion capture or a camera would do, through `set_external_pose`. Ends with the file.

@@ -11,7 +11,7 @@ from ual.fences import FencePlan, FenceZone, KeptFence, RallyPoint, read
 from ual.types import AltitudeReference
 from ual_tools.app import UalCommand, UalGroup
 from ual_tools.help import Section
-from ual_tools.session import Session, pass_session
+from ual_tools.session import CommandSession, pass_session
 from ual_tools.tables import print_table
 
 _EXISTING = click.Path(path_type=Path, dir_okay=False, exists=True)
@@ -39,7 +39,7 @@ def fence() -> None:
 
 @fence.command("show", cls=UalCommand, examples=("ual fence show", "ual --json fence show"))
 @pass_session
-def show(session: Session) -> None:
+def show(session: CommandSession) -> None:
     """Print the zones and rally points of the autopilot.
 
     It says whether the autopilot applies the zones, too.
@@ -54,7 +54,7 @@ def show(session: Session) -> None:
 @click.option("--keep-disabled", is_flag=True, help="Leave it as it is whether the autopilot applies its zones.")
 @click.option("--force", is_flag=True, help=_FORCE)
 @pass_session
-def upload(session: Session, file: Path | None, replace: bool, keep_disabled: bool, force: bool) -> None:
+def upload(session: CommandSession, file: Path | None, replace: bool, keep_disabled: bool, force: bool) -> None:
     """Upload the fence and rally points in FILE, and enable them.
 
     They are read back first.
@@ -71,7 +71,7 @@ def upload(session: Session, file: Path | None, replace: bool, keep_disabled: bo
 @click.option("--rally-points", is_flag=True, help="Remove the rally points, too.")
 @click.option("--force", is_flag=True, help=_FORCE)
 @pass_session
-def clear(session: Session, rally_points: bool, force: bool) -> None:
+def clear(session: CommandSession, rally_points: bool, force: bool) -> None:
     """Remove all zones."""
     with session.connect() as uav:
         _print(session, uav.fence.clear(with_rally_points=rally_points, force=force))
@@ -79,7 +79,7 @@ def clear(session: Session, rally_points: bool, force: bool) -> None:
 
 @fence.command("enable", cls=UalCommand, examples=("ual fence enable",))
 @pass_session
-def enable(session: Session) -> None:
+def enable(session: CommandSession) -> None:
     """Have the autopilot apply its zones."""
     with session.connect() as uav:
         _print(session, uav.fence.enable())
@@ -87,13 +87,13 @@ def enable(session: Session) -> None:
 
 @fence.command("disable", cls=UalCommand, examples=("ual fence disable",))
 @pass_session
-def disable(session: Session) -> None:
+def disable(session: CommandSession) -> None:
     """Have the autopilot no longer apply its zones."""
     with session.connect() as uav:
         _print(session, uav.fence.disable())
 
 
-def _read(session: Session, file: Path) -> FencePlan:
+def _read(session: CommandSession, file: Path) -> FencePlan:
     try:
         plan = read(file)
     except OSError as error:
@@ -103,7 +103,7 @@ def _read(session: Session, file: Path) -> FencePlan:
     return plan
 
 
-def _print(session: Session, kept: KeptFence) -> None:
+def _print(session: CommandSession, kept: KeptFence) -> None:
     if session.as_json:
         session.emit(kept)
         return

@@ -21,7 +21,7 @@ from ual_tools import manoeuvre, options, values
 from ual_tools.app import Multi, command
 from ual_tools.help import Section
 from ual_tools.interruption import interruption
-from ual_tools.session import Session, note, pass_session
+from ual_tools.session import CommandSession, note, pass_session
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -35,7 +35,7 @@ _GOES_ON = "goes on if it has begun: only the safety pilot can abort it"
 
 @command("arm", "ual arm", multi=Multi.EACH)
 @pass_session
-def arm(session: Session) -> None:
+def arm(session: CommandSession) -> None:
     """Arm the motors (where the daemon permits it)."""
     with session.connect() as uav, manoeuvre.already_done(session, "arm", [State.LANDED_ARMED]):
         uav.arm(timeout_s=session.timeout_s)
@@ -44,7 +44,7 @@ def arm(session: Session) -> None:
 
 @command("disarm", "ual disarm", multi=Multi.EACH)
 @pass_session
-def disarm(session: Session) -> None:
+def disarm(session: CommandSession) -> None:
     """Disarm the motors (where the daemon permits it)."""
     with session.connect() as uav, manoeuvre.already_done(session, "disarm", [State.LANDED_DISARMED]):
         uav.disarm(timeout_s=session.timeout_s)
@@ -60,7 +60,7 @@ def _force(help_text: str) -> Callable[[F], F]:
 @_force("Although a failsafe is active.")
 @options.dry_run
 @pass_session
-def takeoff(session: Session, height_m: float, force: bool, dry_run: bool) -> None:
+def takeoff(session: CommandSession, height_m: float, force: bool, dry_run: bool) -> None:
     """Take off to HEIGHT metres above the ground it stands on.
 
     HEIGHT must not be above the ceiling of the daemon's configuration (ceiling_m, 120 m).
@@ -80,7 +80,7 @@ def takeoff(session: Session, height_m: float, force: bool, dry_run: bool) -> No
 @command("land", "ual land", multi=Multi.REACHABLE)
 @options.dry_run
 @pass_session
-def land(session: Session, dry_run: bool) -> None:
+def land(session: CommandSession, dry_run: bool) -> None:
     """Land where it is."""
     with session.connect() as uav, manoeuvre.standing_is_done(session, "land"):
         if dry_run:
@@ -104,7 +104,7 @@ def land(session: Session, dry_run: bool) -> None:
 @options.plot
 @pass_session
 def goto(
-    session: Session,
+    session: CommandSession,
     x: float,
     y: float,
     z: float,
@@ -149,7 +149,7 @@ def goto(
 @options.dry_run
 @pass_session
 def goto_geo(
-    session: Session,
+    session: CommandSession,
     latitude_deg: float,
     longitude_deg: float,
     altitude_m: float,
@@ -193,7 +193,7 @@ def goto_geo(
 @options.dry_run
 @pass_session
 def velocity(
-    session: Session,
+    session: CommandSession,
     vx: float,
     vy: float,
     vz: float,
@@ -244,7 +244,7 @@ def _vector(v: Vector3) -> str:
     return f"{v.x:.2f} {v.y:.2f} {v.z:.2f}"
 
 
-def _repeat(session: Session, uav: Uav, wanted: TwistStamped, duration_s: float) -> None:
+def _repeat(session: CommandSession, uav: Uav, wanted: TwistStamped, duration_s: float) -> None:
     end_s = time.monotonic() + duration_s
     noted = interruption() if session.member is None else nullcontext(session.member.interrupted)
     with noted as interrupted:
@@ -270,7 +270,9 @@ def _stop(uav: Uav) -> None:
 @options.frame
 @options.dry_run
 @pass_session
-def pose(session: Session, x: float, y: float, z: float, yaw: float | None, frame_id: str, dry_run: bool) -> None:
+def pose(
+    session: CommandSession, x: float, y: float, z: float, yaw: float | None, frame_id: str, dry_run: bool
+) -> None:
     """Send X Y Z (metres) as the reference, without a trajectory.
 
     Returns at once. X, Y and Z are those of `ual goto`: in <ns>/odom east, north and up from its origin.
@@ -288,7 +290,7 @@ def pose(session: Session, x: float, y: float, z: float, yaw: float | None, fram
 @_force("Although a failsafe is active or flies: ends its return or landing.")
 @options.dry_run
 @pass_session
-def recover(session: Session, force: bool, dry_run: bool) -> None:
+def recover(session: CommandSession, force: bool, dry_run: bool) -> None:
     """Take control back from the safety pilot and hold the pose.
 
     On the ground, after others have flown, it moves nothing and allows a take-off again.
@@ -304,7 +306,7 @@ def recover(session: Session, force: bool, dry_run: bool) -> None:
 @command("home", "ual home --set-z", section=Section.FRAMES, multi=Multi.EACH)
 @click.option("--set-z", is_flag=True, help="Set the height, too.")
 @pass_session
-def home(session: Session, set_z: bool) -> None:
+def home(session: CommandSession, set_z: bool) -> None:
     """Make the present position the origin of <ns>/odom.
 
     Without --set-z, z counts from where it did before: it says how high the ground is in <ns>/odom.
@@ -341,7 +343,7 @@ def _home_height(ground_m: float, odom: str) -> str:
 @command("abort", "ual abort", "ual abort --freeze", section=Section.TASKS, multi=Multi.REACHABLE)
 @click.option("--freeze", is_flag=True, help="Hold the position it has now, instead of braking.")
 @pass_session
-def abort(session: Session, freeze: bool) -> None:
+def abort(session: CommandSession, freeze: bool) -> None:
     """Cancel the running task; the UAV stops and holds its position."""
     with session.connect() as uav, manoeuvre.standing_is_done(session, "abort"):
         uav.abort(freeze)

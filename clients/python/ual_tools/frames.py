@@ -9,7 +9,7 @@ from ual_tools import complete, values
 from ual_tools.app import UalCommand, UalGroup
 from ual_tools.help import Section
 from ual_tools.output import vector_text
-from ual_tools.session import Session, pass_session
+from ual_tools.session import CommandSession, pass_session
 from ual_tools.tables import print_table
 
 
@@ -28,7 +28,7 @@ def frames(context: click.Context) -> None:
 
 
 @pass_session
-def list_frames(session: Session) -> None:
+def list_frames(session: CommandSession) -> None:
     """Prints all frames with their parents."""
     with session.connect() as uav:
         found = uav.frames()
@@ -55,7 +55,7 @@ def list_frames(session: Session) -> None:
 )
 @click.option("--parent", default="", help="Its parent; map when not given.", shell_complete=complete.frames)
 @pass_session
-def add(session: Session, name: str, x: float, y: float, z: float, yaw: float, parent: str) -> None:
+def add(session: CommandSession, name: str, x: float, y: float, z: float, yaw: float, parent: str) -> None:
     """Add the frame NAME at X Y Z in its parent, or move it there."""
     with session.connect() as uav:
         uav.add_frame(Transform(Vector3(x, y, z), Quaternion.from_yaw(yaw), parent, name))
@@ -65,7 +65,7 @@ def add(session: Session, name: str, x: float, y: float, z: float, yaw: float, p
 @frames.command("remove", cls=UalCommand, examples=("ual frames remove pad",))
 @click.argument("name", shell_complete=complete.frames)
 @pass_session
-def remove(session: Session, name: str) -> None:
+def remove(session: CommandSession, name: str) -> None:
     """Remove the frame NAME, which was added."""
     with session.connect() as uav:
         uav.remove_frame(name)

@@ -8,7 +8,7 @@ from ual.geometry import PointStamped, Vector3
 from ual.gimbals import AngleRange, GimbalAngles, GimbalInfo, GimbalReference, GimbalStatus
 from ual_tools.app import UalCommand, UalGroup
 from ual_tools.help import Section
-from ual_tools.session import Session, pass_session
+from ual_tools.session import CommandSession, pass_session
 from ual_tools.tables import print_table
 from ual_tools.values import angle, heading, number
 
@@ -38,7 +38,7 @@ def gimbal() -> None:
 
 @gimbal.command("list", cls=UalCommand, examples=("ual gimbal list",))
 @pass_session
-def list_gimbals(session: Session) -> None:
+def list_gimbals(session: CommandSession) -> None:
     """List the gimbals, and what each can do."""
     with session.connect() as uav:
         found = uav.gimbals.get_all()
@@ -54,7 +54,7 @@ def list_gimbals(session: Session) -> None:
 @gimbal.command("status", cls=UalCommand, examples=("ual gimbal status",))
 @_gimbal
 @pass_session
-def status(session: Session, gimbal_number: int) -> None:
+def status(session: CommandSession, gimbal_number: int) -> None:
     """Print where a gimbal looks, and what it does."""
     with session.connect() as uav:
         found = uav.gimbals[gimbal_number].status()
@@ -65,7 +65,7 @@ def status(session: Session, gimbal_number: int) -> None:
 @click.option("--rate", default="10", help="So many times a second.  [default: 10]")
 @_gimbal
 @pass_session
-def watch(session: Session, rate: str, gimbal_number: int) -> None:
+def watch(session: CommandSession, rate: str, gimbal_number: int) -> None:
     """Print where a gimbal looks, again and again, until Ctrl-C."""
     with session.connect() as uav:
         for found in uav.gimbals[gimbal_number].watch(number(rate)):
@@ -91,7 +91,7 @@ def watch(session: Session, rate: str, gimbal_number: int) -> None:
 @_gimbal
 @pass_session
 def angles(
-    session: Session, pitch: str, yaw: str, roll: str, reference: str, frame_id: str, gimbal_number: int
+    session: CommandSession, pitch: str, yaw: str, roll: str, reference: str, frame_id: str, gimbal_number: int
 ) -> None:
     """Turn to PITCH, YAW and ROLL: as 90deg or 1.57.
 
@@ -109,7 +109,7 @@ def angles(
 @click.argument("yaw", type=str, default="0")
 @_gimbal
 @pass_session
-def rates(session: Session, pitch: str, yaw: str, gimbal_number: int) -> None:
+def rates(session: CommandSession, pitch: str, yaw: str, gimbal_number: int) -> None:
     """Turn by PITCH and YAW each second, until the next order. Zeros hold."""
     with session.connect() as uav:
         uav.gimbals[gimbal_number].set_rates(angle(pitch), angle(yaw))
@@ -123,7 +123,7 @@ def rates(session: Session, pitch: str, yaw: str, gimbal_number: int) -> None:
 @click.option("--frame", "frame_id", default="", help="The frame of the position.  [default: <ns>/odom]")
 @_gimbal
 @pass_session
-def point(session: Session, x: str, y: str, z: str, frame_id: str, gimbal_number: int) -> None:
+def point(session: CommandSession, x: str, y: str, z: str, frame_id: str, gimbal_number: int) -> None:
     """Look at a position, and follow it while the UAV or the frame moves."""
     place = PointStamped(Vector3(number(x), number(y), number(z)), frame_id)
     with session.connect() as uav:
@@ -134,7 +134,7 @@ def point(session: Session, x: str, y: str, z: str, frame_id: str, gimbal_number
 @gimbal.command("neutral", cls=UalCommand, examples=("ual gimbal neutral",))
 @_gimbal
 @pass_session
-def neutral(session: Session, gimbal_number: int) -> None:
+def neutral(session: CommandSession, gimbal_number: int) -> None:
     """Turn to the neutral angles."""
     with session.connect() as uav:
         uav.gimbals[gimbal_number].move_to_neutral()
@@ -144,7 +144,7 @@ def neutral(session: Session, gimbal_number: int) -> None:
 @gimbal.command("retract", cls=UalCommand, examples=("ual gimbal retract",))
 @_gimbal
 @pass_session
-def retract(session: Session, gimbal_number: int) -> None:
+def retract(session: CommandSession, gimbal_number: int) -> None:
     """Retract it, as for a landing."""
     with session.connect() as uav:
         uav.gimbals[gimbal_number].retract()
@@ -155,7 +155,7 @@ def retract(session: Session, gimbal_number: int) -> None:
 @click.argument("action", type=click.Choice(["take", "release"]))
 @_gimbal
 @pass_session
-def control(session: Session, action: str, gimbal_number: int) -> None:
+def control(session: CommandSession, action: str, gimbal_number: int) -> None:
     """Take the control of it from another program, or give it up."""
     with session.connect() as uav:
         chosen = uav.gimbals[gimbal_number]
@@ -163,7 +163,7 @@ def control(session: Session, action: str, gimbal_number: int) -> None:
     _done(session, f"gimbal control {action}")
 
 
-def _done(session: Session, command: str) -> None:
+def _done(session: CommandSession, command: str) -> None:
     session.emit({"done": command}, "done")
 
 

@@ -10,7 +10,7 @@ from ual.gripper import Equipment, GripperInfo, RelayInfo, ServoInfo, WinchActio
 from ual_tools import values
 from ual_tools.app import UalCommand, UalGroup
 from ual_tools.help import Section
-from ual_tools.session import Session, pass_session
+from ual_tools.session import CommandSession, pass_session
 from ual_tools.tables import print_table
 
 _name = click.option("--name", default="", help="Which one, where there are several.")
@@ -37,7 +37,7 @@ def gripper() -> None:
 
 @gripper.command("list", cls=UalCommand, examples=("ual gripper list", "ual --json gripper list"))
 @pass_session
-def list_equipment(session: Session) -> None:
+def list_equipment(session: CommandSession) -> None:
     """List what may be moved, and what is known of it."""
     with session.connect() as uav:
         found = uav.gripper.get_all()
@@ -53,7 +53,7 @@ def list_equipment(session: Session) -> None:
 @gripper.command("grip", cls=UalCommand, examples=("ual gripper grip", "ual gripper grip claw"))
 @click.argument("name", default="")
 @pass_session
-def grip(session: Session, name: str) -> None:
+def grip(session: CommandSession, name: str) -> None:
     """Close a gripper."""
     with session.connect() as uav:
         uav.gripper.grip(name)
@@ -63,7 +63,7 @@ def grip(session: Session, name: str) -> None:
 @gripper.command("release", cls=UalCommand, examples=("ual gripper release", "ual gripper release claw"))
 @click.argument("name", default="")
 @pass_session
-def release(session: Session, name: str) -> None:
+def release(session: CommandSession, name: str) -> None:
     """Open a gripper: what it holds falls."""
     with session.connect() as uav:
         uav.gripper.release(name)
@@ -80,7 +80,7 @@ def release(session: Session, name: str) -> None:
 @click.option("--rate", "rate_m_s", type=values.number, help="How fast, m/s; negative takes in.")
 @_name
 @pass_session
-def winch(session: Session, action: str, length_m: float | None, rate_m_s: float | None, name: str) -> None:
+def winch(session: CommandSession, action: str, length_m: float | None, rate_m_s: float | None, name: str) -> None:
     """Have a winch do something.
 
     It is done after the command has ended: see `ual gripper list`.
@@ -96,7 +96,7 @@ def winch(session: Session, action: str, length_m: float | None, rate_m_s: float
 @click.option("--pwm", "pwm_us", type=int, help="A pulse width in microseconds, instead of a position.")
 @_name
 @pass_session
-def servo(session: Session, position: str, pwm_us: int | None, name: str) -> None:
+def servo(session: CommandSession, position: str, pwm_us: int | None, name: str) -> None:
     """Move a servo to a POSITION of the configuration."""
     with session.connect() as uav:
         uav.gripper.set_servo(position, servo=name, pwm_us=pwm_us)
@@ -107,14 +107,14 @@ def servo(session: Session, position: str, pwm_us: int | None, name: str) -> Non
 @click.argument("state")
 @_name
 @pass_session
-def relay(session: Session, state: str, name: str) -> None:
+def relay(session: CommandSession, state: str, name: str) -> None:
     """Switch a relay to a STATE."""
     with session.connect() as uav:
         uav.gripper.set_relay(state, relay=name)
     _done(session, "gripper relay")
 
 
-def _done(session: Session, command: str) -> None:
+def _done(session: CommandSession, command: str) -> None:
     session.emit({"done": command}, "done")
 
 

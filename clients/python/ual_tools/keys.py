@@ -41,7 +41,7 @@ def decoded(read: bytes) -> list[Key]:
     return [_BY_BYTES[each] for each in _SEQUENCE.findall(read) if each in _BY_BYTES]
 
 
-class Keyboard:
+class TerminalKeys:
     """The keys of a terminal; without a terminal there are none."""
 
     def __init__(self, file: int | None) -> None:

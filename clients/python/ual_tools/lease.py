@@ -6,12 +6,12 @@ from datetime import datetime, timezone
 
 from ual_tools.app import Multi, command
 from ual_tools.help import Section
-from ual_tools.session import Session, pass_session
+from ual_tools.session import CommandSession, pass_session
 
 
 @command("lease", "ual lease", "ual --lease takeoff 3", section=Section.LOOKING, multi=Multi.REACHABLE)
 @pass_session
-def lease(session: Session) -> None:
+def lease(session: CommandSession) -> None:
     """Print who holds the lease of the UAV.
 
     While somebody does, nobody else flies it. `ual --lease COMMAND` holds it for as long as the command takes; `ual

@@ -22,7 +22,7 @@ from ual.errors import (
 from ual.logs import Log, fetch, file_name
 from ual_tools.app import UalCommand, UalGroup
 from ual_tools.help import Section
-from ual_tools.session import Session, pass_session
+from ual_tools.session import CommandSession, pass_session
 from ual_tools.tables import print_table
 from ual_tools.values import Number
 
@@ -47,7 +47,7 @@ def logs() -> None:
 
 @logs.command("list", cls=UalCommand, examples=("ual logs list",))
 @pass_session
-def list_logs(session: Session) -> None:
+def list_logs(session: CommandSession) -> None:
     """List the logs, the oldest first."""
     with session.connect() as uav:
         found = uav.logs.get_all()
@@ -80,7 +80,7 @@ def list_logs(session: Session) -> None:
     help="Go on after a broken link, unless nothing has come for so long.",
 )
 @pass_session
-def fetch_log(session: Session, log_id: str | None, last: bool, file: Path | None, patience_s: float) -> None:
+def fetch_log(session: CommandSession, log_id: str | None, last: bool, file: Path | None, patience_s: float) -> None:
     """Download the log ID, as `logs list` shows it, or the newest one.
 
     It grows as FILE.part. After a broken link it goes on. If this command ends before, the next one for the same log

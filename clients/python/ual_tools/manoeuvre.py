@@ -14,7 +14,7 @@ from ual.interface import Task
 from ual.types import Plan, State
 from ual_tools import plot, progress
 from ual_tools.output import plan_text, task_text
-from ual_tools.session import INTERRUPTED, Session, note
+from ual_tools.session import INTERRUPTED, CommandSession, note
 
 if TYPE_CHECKING:
     from ual import Uav
@@ -24,7 +24,12 @@ CANCELLED = "cancelled: the UAV holds its position"
 
 
 def wait_for(
-    session: Session, uav: Uav, fly: Callable[[], Task], plot_file: Path | None = None, *, interrupted: str = CANCELLED
+    session: CommandSession,
+    uav: Uav,
+    fly: Callable[[], Task],
+    plot_file: Path | None = None,
+    *,
+    interrupted: str = CANCELLED,
 ) -> None:
     """Calls `fly`, shows the progress, and prints how it ended. Prints `interrupted` after Ctrl-C.
 
@@ -39,13 +44,13 @@ def wait_for(
     session.emit(info, task_text(info))
 
 
-def standing_is_done(session: Session, what: str) -> AbstractContextManager[None]:
+def standing_is_done(session: CommandSession, what: str) -> AbstractContextManager[None]:
     """Takes it for done that a UAV of several stands already, where `what` is to end its flight."""
     return already_done(session, what, STANDING)
 
 
 @contextmanager
-def already_done(session: Session, what: str, wanted: Collection[State]) -> Iterator[None]:
+def already_done(session: CommandSession, what: str, wanted: Collection[State]) -> Iterator[None]:
     """Takes it for done that a UAV of several has a wanted state already, in which `what` is refused.
 
     A single one that is told to land on the ground may be another than was meant: there it stays refused.
@@ -58,7 +63,7 @@ def already_done(session: Session, what: str, wanted: Collection[State]) -> Iter
         session.emit({"done": what, "state": error.state}, f"stands on the ground already ({error.state})")
 
 
-def _shown(session: Session, uav: Uav) -> AbstractContextManager[None]:
+def _shown(session: CommandSession, uav: Uav) -> AbstractContextManager[None]:
     if session.member is None:
         return progress.shown(uav)
     session.member.is_flying = True
@@ -71,6 +76,6 @@ def interrupt(text: str) -> NoReturn:
     raise click.exceptions.Exit(INTERRUPTED)
 
 
-def print_plan(session: Session, plan: Plan) -> None:
+def print_plan(session: CommandSession, plan: Plan) -> None:
     """Prints the result of a dry run."""
     session.emit(plan, plan_text(plan))

@@ -17,7 +17,7 @@ from ual.types import AltitudeReference
 from ual_tools import values
 from ual_tools.app import UalCommand, UalGroup
 from ual_tools.help import Section
-from ual_tools.session import Session, pass_session
+from ual_tools.session import CommandSession, pass_session
 from ual_tools.tables import print_table
 
 C = TypeVar("C", bound=Callable[..., Any])
@@ -59,7 +59,7 @@ def _reading(command: C) -> C:
 @mission.command("plan", cls=UalCommand, examples=("ual mission plan survey.plan",))
 @_reading
 @pass_session
-def plan(session: Session, file: Path, altitude_m: float | None, reference: str | None) -> None:
+def plan(session: CommandSession, file: Path, altitude_m: float | None, reference: str | None) -> None:
     """Make a dry run of the mission in FILE.
 
     It tells the length and the time, and whether the UAV may fly it.
@@ -73,7 +73,7 @@ def plan(session: Session, file: Path, altitude_m: float | None, reference: str 
 @mission.command("upload", cls=UalCommand, examples=("ual mission upload survey.plan",))
 @_reading
 @pass_session
-def upload(session: Session, file: Path, altitude_m: float | None, reference: str | None) -> None:
+def upload(session: CommandSession, file: Path, altitude_m: float | None, reference: str | None) -> None:
     """Upload the mission in FILE, and read it back."""
     read = _read(file, altitude_m, reference)
     with session.connect() as uav:
@@ -89,7 +89,7 @@ def upload(session: Session, file: Path, altitude_m: float | None, reference: st
 
 @mission.command("download", cls=UalCommand, examples=("ual mission download",))
 @pass_session
-def download(session: Session) -> None:
+def download(session: CommandSession) -> None:
     """Print the mission that the autopilot has."""
     with session.connect() as uav:
         found = uav.mission.download()
@@ -105,7 +105,7 @@ def download(session: Session) -> None:
 
 @mission.command("clear", cls=UalCommand, examples=("ual mission clear",))
 @pass_session
-def clear(session: Session) -> None:
+def clear(session: CommandSession) -> None:
     """Remove the mission from the autopilot."""
     with session.connect() as uav:
         uav.mission.clear()
@@ -117,7 +117,7 @@ def clear(session: Session) -> None:
 @click.option("--on-link-loss", type=click.Choice(list(_LOSSES)), help="Start only if the autopilot would do this.")
 @click.option("--wait", "is_waited_for", is_flag=True, help="Wait for its end.")
 @pass_session
-def start(session: Session, first_item: int, on_link_loss: str | None, is_waited_for: bool) -> None:
+def start(session: CommandSession, first_item: int, on_link_loss: str | None, is_waited_for: bool) -> None:
     """Fly the mission that the autopilot has."""
     loss = None if on_link_loss is None else _LOSSES[on_link_loss]
     with session.connect() as uav:
@@ -130,14 +130,14 @@ def start(session: Session, first_item: int, on_link_loss: str | None, is_waited
 
 @mission.command("pause", cls=UalCommand, examples=("ual mission pause",))
 @pass_session
-def pause(session: Session) -> None:
+def pause(session: CommandSession) -> None:
     """Hold on the way of the mission."""
     _do(session, "pause", lambda flown: flown.pause(), "the UAV holds on the way of its mission")
 
 
 @mission.command("resume", cls=UalCommand, examples=("ual mission resume",))
 @pass_session
-def resume(session: Session) -> None:
+def resume(session: CommandSession) -> None:
     """Go on with the mission after a pause."""
     _do(session, "resume", lambda flown: flown.resume(), "the mission goes on")
 
@@ -145,21 +145,21 @@ def resume(session: Session) -> None:
 @mission.command("jump", cls=UalCommand, examples=("ual mission jump 12",))
 @click.argument("item", type=click.IntRange(min=1))
 @pass_session
-def jump(session: Session, item: int) -> None:
+def jump(session: CommandSession, item: int) -> None:
     """Fly on to ITEM of the mission."""
     _do(session, "jump", lambda flown: flown.jump_to(item), f"the mission goes on with item {item}")
 
 
 @mission.command("status", cls=UalCommand, examples=("ual mission status",))
 @pass_session
-def status(session: Session) -> None:
+def status(session: CommandSession) -> None:
     """Print how far the autopilot is with its mission."""
     with session.connect() as uav:
         found = uav.mission.progress()
     session.emit(found, _progress_text(found))
 
 
-def _do(session: Session, name: str, act: Callable[[interface.Mission], None], text: str) -> None:
+def _do(session: CommandSession, name: str, act: Callable[[interface.Mission], None], text: str) -> None:
     with session.connect() as uav:
         act(uav.mission)
     session.emit({"done": f"mission {name}"}, text)

@@ -12,19 +12,19 @@ import click
 
 from ual.discovery import natural_order
 from ual.errors import DaemonUnreachableError, UalError
-from ual_tools.session import INTERRUPTED, REFUSED, Session
-from ual_tools.start import Gate, Member
-from ual_tools.streams import Line, OutputLostError, give_up_output, write
+from ual_tools.session import INTERRUPTED, REFUSED, CommandSession
+from ual_tools.start import CommandMember, Gate
+from ual_tools.streams import LineKind, OutputLostError, give_up_output, write
 
 if TYPE_CHECKING:
-    from ual_tools.condition import Condition
+    from ual_tools.condition import UavCondition
 
 _LOOK_S = 0.2
 _STOPPED_S = 2.0
 _PLACE = "{ns}"
 
 
-def names(session: Session) -> list[str] | None:
+def names(session: CommandSession) -> list[str] | None:
     """Returns the UAVs that were chosen, if they are several or may be; None for a single one."""
     if session.is_all and session.ns:
         raise click.UsageError("--all is all UAVs: leave out --ns (UAL_NS)")
@@ -59,10 +59,10 @@ def invoke(
 
     Ends the program with 1 where one refused or failed, with 130 after Ctrl-C.
     """
-    session: Session = context.find_root().obj
+    session: CommandSession = context.find_root().obj
     gate = Gate(len(uavs), session.begin_utc_s, needs_all=needs_all, tell=session.tell)
     runs = [
-        _Run(context, dataclasses.replace(session, ns=name, is_all=False), name, gate, command)
+        _UavRun(context, dataclasses.replace(session, ns=name, is_all=False), name, gate, command)
         for name in sorted(uavs, key=natural_order)
     ]
     for run in runs:
@@ -84,7 +84,7 @@ def invoke(
     context.exit(max(run.status for run in runs))
 
 
-def _print_until_done(run: _Run) -> None:
+def _print_until_done(run: _UavRun) -> None:
     """Prints what the command of one UAV prints. The others' lines wait: results come in the order of the names."""
     while run.thread.is_alive():
         run.thread.join(_LOOK_S)
@@ -92,7 +92,7 @@ def _print_until_done(run: _Run) -> None:
     run.print_lines()
 
 
-def _print_worst_first(runs: Sequence[_Run], session: Session) -> None:
+def _print_worst_first(runs: Sequence[_UavRun], session: CommandSession) -> None:
     from ual_tools import condition
 
     for run in runs:
@@ -101,10 +101,10 @@ def _print_worst_first(runs: Sequence[_Run], session: Session) -> None:
     for run in condition.worst_first(runs, lambda each: each.condition, lambda each: each.name):
         run.print_lines()
     if sys.stdout.isatty() and not session.as_json:
-        write(f"{len(runs)} UAVs: {condition.summary(run.condition for run in runs)}", Line.RESULT)
+        write(f"{len(runs)} UAVs: {condition.summary(run.condition for run in runs)}", LineKind.RESULT)
 
 
-def _stop(runs: Sequence[_Run]) -> None:
+def _stop(runs: Sequence[_UavRun]) -> None:
     """Stops all at once; what each of them does then is told by its own line."""
     stopping = [threading.Thread(target=run.stop, daemon=True) for run in runs if run.thread.is_alive()]
     for thread in stopping:
@@ -115,20 +115,20 @@ def _stop(runs: Sequence[_Run]) -> None:
         run.thread.join(_LOOK_S)
 
 
-class _Run:
+class _UavRun:
     """The command for one UAV."""
 
     def __init__(
         self,
         context: click.Context,
-        session: Session,
+        session: CommandSession,
         name: str,
         gate: Gate,
         command: Callable[[click.Context], Any],
     ) -> None:
         self.status = 0
         self.defect: BaseException | None = None
-        self._member = session.member = Member(name, gate)
+        self._member = session.member = CommandMember(name, gate)
         self._session = session
         self._context = _context(context, session)
         self._command = command
@@ -140,11 +140,11 @@ class _Run:
         return self._member.name
 
     @property
-    def condition(self) -> Condition:
+    def condition(self) -> UavCondition:
         """Condition of the UAV, as its command found it."""
-        from ual_tools.condition import Condition, Level
+        from ual_tools.condition import UavCondition, Urgency
 
-        return self._member.condition or Condition(Level.ALARM, "not known")
+        return self._member.condition or UavCondition(Urgency.ALARM, "not known")
 
     def print_lines(self) -> None:
         """Prints what its command has printed since."""
@@ -178,7 +178,7 @@ class _Run:
             self._member.leave()
 
 
-def _context(context: click.Context, session: Session) -> click.Context:
+def _context(context: click.Context, session: CommandSession) -> click.Context:
     """Returns the command's context for one UAV: with its own session, and its name in the frame."""
     if context.params.get("plot") is not None:
         raise click.UsageError("--plot draws one UAV: name it by --ns", context)

@@ -122,7 +122,7 @@ SHARED = (
     ),
     Option("--json", "as_json", "Print one JSON object a line."),
 )
-"""The options of `Session`, by the names of its fields."""
+"""The options of `CommandSession`, by the names of its fields."""
 
 yaw = Option(
     "--yaw",
@@ -177,7 +177,7 @@ dry_run = Option("--dry-run", "dry_run", "Only print what would happen; nothing 
 
 
 def shared() -> list[click.Parameter]:
-    """Returns the options of `Session` for a command. Each stores its value there."""
+    """Returns the options of `CommandSession` for a command. Each stores its value there."""
     return [
         _SharedOption([each.flag, each.name], expose_value=False, callback=_store(each.name), **each.attributes)
         for each in SHARED
@@ -185,7 +185,7 @@ def shared() -> list[click.Parameter]:
 
 
 class _SharedOption(click.Option):
-    """An option of `Session`. Only the help of `ual` itself describes it."""
+    """An option of `CommandSession`. Only the help of `ual` itself describes it."""
 
     @override
     def resolve_envvar_value(self, ctx: click.Context) -> str | None:

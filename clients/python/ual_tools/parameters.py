@@ -15,7 +15,7 @@ from ual.parameters import SYSTEM_ID_NAMES, Difference, FileValues, Parameter, c
 from ual_tools import values
 from ual_tools.app import UalCommand, UalGroup
 from ual_tools.help import Section
-from ual_tools.session import REFUSED, Session, pass_session
+from ual_tools.session import REFUSED, CommandSession, pass_session
 from ual_tools.tables import print_table
 
 _FILE = click.Path(path_type=Path, dir_okay=False)
@@ -45,7 +45,7 @@ def param() -> None:
 @param.command("list", cls=UalCommand, examples=("ual param list", "ual param list 'BATT_*'"))
 @click.argument("pattern", default="*")
 @pass_session
-def list_parameters(session: Session, pattern: str) -> None:
+def list_parameters(session: CommandSession, pattern: str) -> None:
     """List the parameters whose names match PATTERN (a shell's: *, ?).
 
     Those on which a flight relies cannot be written while the UAV is armed.
@@ -69,7 +69,7 @@ def list_parameters(session: Session, pattern: str) -> None:
 @param.command("get", cls=UalCommand, examples=("ual param get MPC_XY_CRUISE",))
 @click.argument("name")
 @pass_session
-def get(session: Session, name: str) -> None:
+def get(session: CommandSession, name: str) -> None:
     """Print the parameter NAME."""
     with session.connect() as uav:
         found = uav.parameters.get(name.upper())
@@ -85,7 +85,7 @@ def get(session: Session, name: str) -> None:
     help="Also while the UAV is armed, or out of range. Not for those on which a flight relies.",
 )
 @pass_session
-def set_parameter(session: Session, name: str, value: float, force: bool) -> None:
+def set_parameter(session: CommandSession, name: str, value: float, force: bool) -> None:
     """Write VALUE to the parameter NAME, and read it back."""
     with session.connect() as uav:
         found = uav.parameters.set(name.upper(), value, force=force)
@@ -96,7 +96,7 @@ def set_parameter(session: Session, name: str, value: float, force: bool) -> Non
 @param.command("save", cls=UalCommand, examples=("ual param save before.params", "ual param save before.param"))
 @click.argument("file", type=_FILE)
 @pass_session
-def save(session: Session, file: Path) -> None:
+def save(session: CommandSession, file: Path) -> None:
     """Save all parameters in FILE.
 
     .params is QGroundControl's form; .param and .parm are Mission Planner's and MAVProxy's.
@@ -112,7 +112,7 @@ def save(session: Session, file: Path) -> None:
 @click.argument("file", type=_EXISTING)
 @click.option("--all-names", is_flag=True, help="Also parameters that the file does not have.")
 @pass_session
-def compare_file(session: Session, file: Path, all_names: bool) -> None:
+def compare_file(session: CommandSession, file: Path, all_names: bool) -> None:
     """Print where the parameters in FILE and those of the UAV differ. Exit status 1 where they do."""
     in_file = _read(file)
     for other in in_file.left_out:
@@ -135,7 +135,7 @@ def compare_file(session: Session, file: Path, all_names: bool) -> None:
 @click.argument("file", type=_EXISTING)
 @click.option("--force", is_flag=True, help="As of `set`.")
 @pass_session
-def load(session: Session, file: Path, force: bool) -> None:
+def load(session: CommandSession, file: Path, force: bool) -> None:
     """Write what differs in FILE from the UAV, and read each back.
 
     Those that take effect at the next boot come last, and at the very end the autopilot's system id, by which it
@@ -159,7 +159,7 @@ def load(session: Session, file: Path, force: bool) -> None:
         raise click.exceptions.Exit(REFUSED)
 
 
-def _those_of(session: Session, parameters: Parameters, in_file: Mapping[str, float]) -> list[Parameter]:
+def _those_of(session: CommandSession, parameters: Parameters, in_file: Mapping[str, float]) -> list[Parameter]:
     """Returns at least the parameters of a file. One that never comes does not keep the others from being known."""
     try:
         return parameters.get_all()
@@ -185,7 +185,7 @@ def _turn(difference: Difference) -> tuple[bool, bool, bool, str]:
 
 
 def _all_loaded(
-    session: Session, parameters: Parameters, differences: list[Difference], force: bool
+    session: CommandSession, parameters: Parameters, differences: list[Difference], force: bool
 ) -> list[Parameter | None]:
     """Writes those that differ, in this order. An error after which none can be written names all that were not."""
     results: list[Parameter | None] = []
@@ -199,7 +199,7 @@ def _all_loaded(
     return results
 
 
-def _loaded(session: Session, parameters: Parameters, difference: Difference, force: bool) -> Parameter | None:
+def _loaded(session: CommandSession, parameters: Parameters, difference: Difference, force: bool) -> Parameter | None:
     """Writes one that differs. Returns None where the autopilot has none of this name, or refuses this value."""
     name, value, before = difference.name, difference.in_file, difference.on_uav
     if before is None or value is None:

@@ -14,7 +14,7 @@ from ual.routes import Route
 from ual.types import AltitudeReference, PathHeading
 from ual_tools import manoeuvre, options, values
 from ual_tools.app import command
-from ual_tools.session import Session, note, pass_session
+from ual_tools.session import CommandSession, note, pass_session
 
 
 class PathArguments(TypedDict):
@@ -94,7 +94,7 @@ class PathOptions:
 @options.plot
 @pass_session
 def path(
-    session: Session,
+    session: CommandSession,
     waypoints: tuple[Pose, ...],
     file: Path | None,
     altitude_m: float | None,
@@ -130,7 +130,7 @@ def path(
     fly_path(session, route, how)
 
 
-def fly_path(session: Session, route: Route, how: PathOptions) -> None:
+def fly_path(session: CommandSession, route: Route, how: PathOptions) -> None:
     """Flies through the waypoints of a route and prints how it ended."""
     for each in route.left_out:
         note(f"ual: not flown: {each}")

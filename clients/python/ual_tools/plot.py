@@ -27,7 +27,7 @@ _WINDOW = 100
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class PlotPoint:
     """Position of the UAV and of its reference at one time; metres, in the frame of the telemetry."""
 
     time_s: float
@@ -42,11 +42,11 @@ def drawn(uav: Uav, file: Path | None) -> Iterator[None]:
         yield
         return
     _require_drawing(file)
-    places: list[Place] = []
+    places: list[PlotPoint] = []
 
     def keep(telemetry: Telemetry) -> None:
         if telemetry.pose is not None and telemetry.reference_pose is not None:
-            places.append(Place(telemetry.stamp_s, telemetry.pose.position, telemetry.reference_pose.position))
+            places.append(PlotPoint(telemetry.stamp_s, telemetry.pose.position, telemetry.reference_pose.position))
 
     try:
         with uav.subscribe(keep):
@@ -66,7 +66,7 @@ def _require_drawing(file: Path) -> None:
         import matplotlib as mpl  # noqa: F401
 
 
-def draw(places: Sequence[Place], file: Path, title: str) -> None:
+def draw(places: Sequence[PlotPoint], file: Path, title: str) -> None:
     """Draws the path from above, its height, and its distance from the wanted path."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -95,7 +95,7 @@ def draw(places: Sequence[Place], file: Path, title: str) -> None:
         raise InvalidArgumentError(f"cannot write {file}: {failure.strerror}", {"field": "plot"}) from None
 
 
-def off_line_m(places: Sequence[Place]) -> list[float]:
+def off_line_m(places: Sequence[PlotPoint]) -> list[float]:
     """Returns how far each flown place is from the nearest part of the wanted line, at whatever time that was wanted.
 
     The nearest part moves along the line with time, so it is searched near the one before.

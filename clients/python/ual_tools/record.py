@@ -17,14 +17,14 @@ from ual.shared import extras
 from ual_tools.app import UalCommand, UalGroup, command
 from ual_tools.help import Section
 from ual_tools.selection import several
-from ual_tools.session import REFUSED, Session, pass_session
+from ual_tools.session import REFUSED, CommandSession, pass_session
 from ual_tools.tables import print_table
 from ual_tools.values import Number
 
 if TYPE_CHECKING:
-    from ual_tools.recording.autopilot_log import Track
+    from ual_tools.recording.autopilot_log import LogTrack
     from ual_tools.recording.client import ClientRecording
-    from ual_tools.recording.page import Flight
+    from ual_tools.recording.page import DrawnFlight
     from ual_tools.recording.summary import Summary
 
 _LOOK_S = 0.2
@@ -65,7 +65,7 @@ def record(context: click.Context, directory: Path, duration_s: float | None, ha
     """
     if context.invoked_subcommand is not None:
         return
-    session = context.find_root().ensure_object(Session)
+    session = context.find_root().ensure_object(CommandSession)
     requirements.require("ual-tools[record]")
     with ExitStack() as stack:
         recording = _begin(session, directory, stack, has_pictures=has_pictures)
@@ -76,7 +76,7 @@ def record(context: click.Context, directory: Path, duration_s: float | None, ha
         raise click.exceptions.Exit(REFUSED)
 
 
-def _begin(session: Session, directory: Path, stack: ExitStack, *, has_pictures: bool) -> ClientRecording:
+def _begin(session: CommandSession, directory: Path, stack: ExitStack, *, has_pictures: bool) -> ClientRecording:
     """Subscribes to the chosen UAVs until the stack ends. Returns the recording, which ends after them."""
     from ual_tools.recording.client import ClientRecording
 
@@ -107,7 +107,7 @@ def _wait(duration_s: float | None) -> None:
         return
 
 
-def _report(session: Session, recording: ClientRecording) -> None:
+def _report(session: CommandSession, recording: ClientRecording) -> None:
     missed_count = recording.missed_count + recording.lost_count
     text = f"{recording.samples_count} samples of {', '.join(recording.uavs)}"
     text += f", {missed_count} missed" if missed_count else ""
@@ -122,7 +122,7 @@ def _report(session: Session, recording: ClientRecording) -> None:
 @record.command("info", cls=UalCommand, examples=("ual record info flight.mcap",))
 @_FILE
 @pass_session
-def info(session: Session, file: Path) -> None:
+def info(session: CommandSession, file: Path) -> None:
     """Tell what is in the recording FILE."""
     from ual.recording.reader import Recording
     from ual_tools.recording.summary import summarize
@@ -166,7 +166,13 @@ def _times(summary: Summary) -> str:
 )
 @pass_session
 def export(
-    session: Session, file: Path, as_csv: bool, as_parquet: bool, as_kml: bool, as_gpx: bool, directory: Path | None
+    session: CommandSession,
+    file: Path,
+    as_csv: bool,
+    as_parquet: bool,
+    as_kml: bool,
+    as_gpx: bool,
+    directory: Path | None,
 ) -> None:
     """Make tables and tracks of FILE.
 
@@ -239,7 +245,7 @@ def _exported(
     help="The autopilot's log of the same flight (.ulg, .bin), drawn beside the recording.",
 )
 @pass_session
-def plot(session: Session, file: Path, output: Path | None, log_file: Path | None) -> None:
+def plot(session: CommandSession, file: Path, output: Path | None, log_file: Path | None) -> None:
     """Draw a recorded flight on one page.
 
     It has the ground track, height, speed, states, tasks and refusals. Where the recording has several UAVs, they are
@@ -267,7 +273,7 @@ def plot(session: Session, file: Path, output: Path | None, log_file: Path | Non
     session.emit_written({"file": str(target)}, str(target))
 
 
-def _beside(drawn: list[Flight], log_file: Path, recording: Path) -> Track:
+def _beside(drawn: list[DrawnFlight], log_file: Path, recording: Path) -> LogTrack:
     """Returns the track in a log of the autopilot, laid over the flight that was recorded."""
     from ual.recording.reader import Recording
     from ual_tools.recording import autopilot_log

@@ -8,12 +8,12 @@ from ual.discovery import Registration
 from ual.errors import DaemonUnreachableError, UalError
 from ual.types import Telemetry
 from ual_tools import multi
-from ual_tools.session import Session
+from ual_tools.session import CommandSession
 
 _PARALLEL = 16
 
 
-def chosen_daemons(session: Session) -> list[Registration]:
+def chosen_daemons(session: CommandSession) -> list[Registration]:
     """Returns the daemons of this computer, or of the network: with ``--ns a,b`` those with these names, else all.
 
     With names and an address, which is then a gateway's or that of the only one, they are behind it.
@@ -25,7 +25,7 @@ def chosen_daemons(session: Session) -> list[Registration]:
     return daemons if names is None else [daemon for daemon in daemons if daemon.ns in names]
 
 
-def several(session: Session) -> list[Registration] | None:
+def several(session: CommandSession) -> list[Registration] | None:
     """Returns the daemons where several UAVs are chosen; None for a single one.
 
     Raises:
@@ -42,7 +42,7 @@ def several(session: Session) -> list[Registration] | None:
     return daemons
 
 
-def ask_all(session: Session, daemons: Sequence[Registration]) -> Iterator[Telemetry | UalError]:
+def ask_all(session: CommandSession, daemons: Sequence[Registration]) -> Iterator[Telemetry | UalError]:
     """Yields one telemetry sample of each UAV in the order of `daemons`, or the error by which there is none."""
     # Imported late: with logging, it would add a tenth to the imports of all other commands.
     from concurrent.futures import ThreadPoolExecutor

@@ -17,14 +17,14 @@ from ual.types import TaskInfo
 from ual_tools import start
 from ual_tools.help import as_typed
 from ual_tools.output import error_text, remedy_text, to_json
-from ual_tools.streams import Line, write
+from ual_tools.streams import LineKind, write
 
 if TYPE_CHECKING:
     from ual import Uav
     from ual.credentials import Credentials
     from ual.discovery import Registration
     from ual_tools.network.joined import Joined
-    from ual_tools.start import Member
+    from ual_tools.start import CommandMember
 
 LOOPBACK = "loopback"
 """The network of this computer; as in `ual.network.settings`, which only commands of the network load."""
@@ -41,7 +41,7 @@ class _Shared:
 
 
 @dataclass
-class Session:
+class CommandSession:
     """The options that all commands take, before or after the command's name."""
 
     ns: str | None = None
@@ -62,7 +62,7 @@ class Session:
     """Time at which the command is to begin, in seconds since the epoch; None: now."""
     typed: set[str] = field(default_factory=set)
     """The names of the fields above that come from the command line, and not from the environment."""
-    member: Member | None = None
+    member: CommandMember | None = None
     """Its place among several UAVs that get the same command."""
     _shared: _Shared = field(default_factory=_Shared)
 
@@ -146,32 +146,32 @@ class Session:
 
     def emit(self, value: object, text: str | None = None) -> None:
         """Prints a result: one JSON object with ``--json``, else the text."""
-        self._emit(value, text, Line.DONE if _is_done(value) else Line.RESULT)
+        self._emit(value, text, LineKind.DONE if _is_done(value) else LineKind.RESULT)
 
     def emit_written(self, value: object, text: str) -> None:
         """Prints what was written into files. They stay written where the output is lost."""
-        self._emit(value, text, Line.DONE)
+        self._emit(value, text, LineKind.DONE)
 
-    def _emit(self, value: object, text: str | None, kind: Line) -> None:
+    def _emit(self, value: object, text: str | None, kind: LineKind) -> None:
         line = json.dumps(self._named(to_json(value)), allow_nan=False) if self.as_json else text
         if line is not None:
             self._say(line if self.as_json else self._prefix + line, kind)
 
     def fail(self, error: UalError) -> None:
         """Prints in one line why the command was refused or failed, and where its remedy is described."""
-        self._say(f"{self._prefix or 'ual: '}{as_typed(error_text(error))} ({remedy_text(error)})", Line.MESSAGE)
+        self._say(f"{self._prefix or 'ual: '}{as_typed(error_text(error))} ({remedy_text(error)})", LineKind.MESSAGE)
         if self.as_json:
-            self._say(json.dumps(self._named({"error": to_json(error)}), allow_nan=False), Line.DONE)
+            self._say(json.dumps(self._named({"error": to_json(error)}), allow_nan=False), LineKind.DONE)
 
     def note(self, text: str) -> None:
         """Prints a message that is not a result, on stderr."""
-        self._say(self._prefix + text, Line.MESSAGE)
+        self._say(self._prefix + text, LineKind.MESSAGE)
 
     def tell(self, text: str) -> None:
         """Prints what the program itself does, on stderr."""
         self.note(f"{'' if self.member else 'ual: '}{text}")
 
-    def _say(self, text: str, kind: Line) -> None:
+    def _say(self, text: str, kind: LineKind) -> None:
         if self.member is None:
             write(text, kind)
         else:
@@ -188,7 +188,7 @@ class Session:
 def fail_usage(error: click.UsageError) -> None:
     """Prints wrong usage as one JSON object. click prints the text, and ends the program with 2."""
     failure = InvalidArgumentError(as_typed(error.format_message()))
-    write(json.dumps({"error": to_json(failure)}, allow_nan=False), Line.DONE)
+    write(json.dumps({"error": to_json(failure)}, allow_nan=False), LineKind.DONE)
 
 
 def _is_done(value: object) -> bool:
@@ -196,9 +196,9 @@ def _is_done(value: object) -> bool:
     return isinstance(value, TaskInfo) or (isinstance(value, Mapping) and "done" in value)
 
 
-def session(context: click.Context) -> Session:
+def session(context: click.Context) -> CommandSession:
     """Returns the session of the running command."""
-    return context.find_root().ensure_object(Session)
+    return context.find_root().ensure_object(CommandSession)
 
 
 def pass_session(function: Callable[..., None]) -> Callable[..., None]:

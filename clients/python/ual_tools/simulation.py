@@ -26,7 +26,7 @@ from ual.simulation import (
 from ual_tools import complete, values
 from ual_tools.app import Multi, UalCommand, UalGroup
 from ual_tools.help import Section
-from ual_tools.session import Session, pass_session
+from ual_tools.session import CommandSession, pass_session
 from ual_tools.tables import print_table
 
 
@@ -39,7 +39,7 @@ def sim() -> None:
 
 
 def _pilot(name: str, help_text: str, done: str, act: str) -> None:
-    def run(session: Session) -> None:
+    def run(session: CommandSession) -> None:
         with session.connect() as uav:
             getattr(uav.simulation, act)()
         session.emit({"done": f"sim {name}"}, done)
@@ -60,7 +60,7 @@ _pilot("give-back", "The safety pilot switches back to the daemon.", "given back
 @click.option("--up", type=values.number, default=0.0)
 @click.option("--turn", type=values.number, default=0.0, help="To the left.")
 @pass_session
-def sticks(session: Session, forward: float, left: float, up: float, turn: float) -> None:
+def sticks(session: CommandSession, forward: float, left: float, up: float, turn: float) -> None:
     """The safety pilot holds the sticks.
 
     Each is from -1 to 1; 0 releases it.
@@ -73,7 +73,7 @@ def sticks(session: Session, forward: float, left: float, up: float, turn: float
 @sim.command("speed", cls=UalCommand, examples=("ual sim speed 10",), multi=Multi.EACH)
 @click.argument("factor", type=values.number)
 @pass_session
-def speed(session: Session, factor: float) -> None:
+def speed(session: CommandSession, factor: float) -> None:
     """Let time run FACTOR times as fast as the clock.
 
     1 is real time; at 0 it stands still; inf is as fast as possible.
@@ -86,7 +86,7 @@ def speed(session: Session, factor: float) -> None:
 @sim.command("step", cls=UalCommand, examples=("ual sim step 0.5",), multi=Multi.EACH)
 @click.argument("duration_s", type=values.number, metavar="SECONDS")
 @pass_session
-def step(session: Session, duration_s: float) -> None:
+def step(session: CommandSession, duration_s: float) -> None:
     """Advance time that stands still by SECONDS."""
     with session.connect() as uav:
         uav.simulation.step(duration_s)
@@ -97,7 +97,7 @@ def step(session: Session, duration_s: float) -> None:
 @click.argument("position_m", type=values.number, metavar="POSITION")
 @click.argument("velocity_m_s", type=values.number, metavar="VELOCITY")
 @pass_session
-def noise(session: Session, position_m: float, velocity_m_s: float) -> None:
+def noise(session: CommandSession, position_m: float, velocity_m_s: float) -> None:
     """Set the noise of the estimates.
 
     POSITION (m) and VELOCITY (m/s) are its standard deviations.
@@ -112,7 +112,7 @@ def noise(session: Session, position_m: float, velocity_m_s: float) -> None:
 @click.argument("y", type=values.number)
 @click.argument("z", type=values.number, default=0.0)
 @pass_session
-def wind(session: Session, x: float, y: float, z: float) -> None:
+def wind(session: CommandSession, x: float, y: float, z: float) -> None:
     """Set a steady wind. X Y Z is the velocity of the air (m/s, map axes)."""
     with session.connect() as uav:
         uav.simulation.set_wind(Vector3(x, y, z))
@@ -127,7 +127,7 @@ def wind(session: Session, x: float, y: float, z: float) -> None:
     "--yaw", type=values.heading, default="0", help="Its heading, counter-clockwise from east: 90deg or 1.57."
 )
 @pass_session
-def place(session: Session, x: float, y: float, z: float, yaw: float) -> None:
+def place(session: CommandSession, x: float, y: float, z: float, yaw: float) -> None:
     """Put the UAV on the ground at X Y Z, disarmed and at rest.
 
     X, Y and Z are metres east, north and up from where <ns>/odom began.
@@ -139,7 +139,7 @@ def place(session: Session, x: float, y: float, z: float, yaw: float) -> None:
 
 @sim.command("parts", cls=UalCommand, examples=("ual sim parts",))
 @pass_session
-def parts(session: Session) -> None:
+def parts(session: CommandSession) -> None:
     """List the parts of the world that this simulation offers."""
     with session.connect() as uav:
         names = sorted(part.name.lower() for part in uav.simulation.parts())
@@ -168,14 +168,14 @@ _command = click.option(
 )
 
 
-def _begin(session: Session, new: Fault, duration_s: float) -> None:
+def _begin(session: CommandSession, new: Fault, duration_s: float) -> None:
     with session.connect() as uav:
         fault_id = uav.simulation.begin_fault(new, duration_s)
     session.emit({"fault_id": fault_id}, fault_id)
 
 
 def _simple(name: str, help_text: str, make: Callable[[], Fault]) -> None:
-    def run(session: Session, duration_s: float) -> None:
+    def run(session: CommandSession, duration_s: float) -> None:
         _begin(session, make(), duration_s)
 
     begin.command(name, cls=UalCommand, help=help_text, examples=(f"ual sim fault begin {name} --for 3",))(
@@ -194,7 +194,7 @@ _simple("position-lost", "The autopilot loses its position.", PositionLost)
 @click.option("--period", "period_s", type=values.number, default=5.0, show_default=True, help="Between two jumps.")
 @_duration
 @pass_session
-def estimator_jumps(session: Session, offset: Vector3, period_s: float, duration_s: float) -> None:
+def estimator_jumps(session: CommandSession, offset: Vector3, period_s: float, duration_s: float) -> None:
     """The position estimate jumps by an offset and back again."""
     _begin(session, EstimatorJumps(offset, period_s), duration_s)
 
@@ -203,7 +203,7 @@ def estimator_jumps(session: Session, offset: Vector3, period_s: float, duration
 @click.option("--power", "power_ratio", type=values.number, default=0.5, show_default=True, help="0 to 1.")
 @_duration
 @pass_session
-def motors_weak(session: Session, power_ratio: float, duration_s: float) -> None:
+def motors_weak(session: CommandSession, power_ratio: float, duration_s: float) -> None:
     """The motors give only a part of their power."""
     _begin(session, MotorsWeak(power_ratio), duration_s)
 
@@ -212,7 +212,7 @@ def motors_weak(session: Session, power_ratio: float, duration_s: float) -> None
 @click.option("--percent", type=values.number, default=10.0, show_default=True, help="0 to 100.")
 @_duration
 @pass_session
-def battery_low(session: Session, percent: float, duration_s: float) -> None:
+def battery_low(session: CommandSession, percent: float, duration_s: float) -> None:
     """The battery falls to a low charge."""
     _begin(session, BatteryLow(percent), duration_s)
 
@@ -222,7 +222,7 @@ def battery_low(session: Session, percent: float, duration_s: float) -> None:
 @click.option("--text", default="refused by a simulated fault", show_default=True)
 @_duration
 @pass_session
-def command_refused(session: Session, command: str, text: str, duration_s: float) -> None:
+def command_refused(session: CommandSession, command: str, text: str, duration_s: float) -> None:
     """The autopilot refuses a command with a text."""
     _begin(session, CommandRefused(Command[command.upper()], text), duration_s)
 
@@ -231,7 +231,7 @@ def command_refused(session: Session, command: str, text: str, duration_s: float
 @_command
 @_duration
 @pass_session
-def ack_lost(session: Session, command: str, duration_s: float) -> None:
+def ack_lost(session: CommandSession, command: str, duration_s: float) -> None:
     """The autopilot obeys a command; the acknowledgement is lost."""
     _begin(session, AckLost(Command[command.upper()]), duration_s)
 
@@ -241,7 +241,7 @@ def ack_lost(session: Session, command: str, duration_s: float) -> None:
 @click.option("--delay", "delay_s", type=values.number, default=1.0, show_default=True, help="Seconds.")
 @_duration
 @pass_session
-def ack_late(session: Session, command: str, delay_s: float, duration_s: float) -> None:
+def ack_late(session: CommandSession, command: str, delay_s: float, duration_s: float) -> None:
     """The acknowledgement of a command arrives late."""
     _begin(session, AckLate(Command[command.upper()], delay_s), duration_s)
 
@@ -250,7 +250,7 @@ def ack_late(session: Session, command: str, delay_s: float, duration_s: float) 
 @click.option("--cause", default=FailsafeTriggered().cause, show_default=True, help="As `ual state` names it.")
 @_duration
 @pass_session
-def failsafe(session: Session, cause: str, duration_s: float) -> None:
+def failsafe(session: CommandSession, cause: str, duration_s: float) -> None:
     """A failsafe of the autopilot.
 
     It holds its position, and follows no references.
@@ -261,7 +261,7 @@ def failsafe(session: Session, cause: str, duration_s: float) -> None:
 @fault.command("end", cls=UalCommand, examples=("ual sim fault end",))
 @click.argument("fault_id", default="", metavar="[ID]", shell_complete=complete.faults)
 @pass_session
-def end(session: Session, fault_id: str) -> None:
+def end(session: CommandSession, fault_id: str) -> None:
     """End the fault ID, or all of them."""
     with session.connect() as uav:
         uav.simulation.end_fault(fault_id)
@@ -270,7 +270,7 @@ def end(session: Session, fault_id: str) -> None:
 
 @fault.command("list", cls=UalCommand, examples=("ual sim fault list",))
 @pass_session
-def list_faults(session: Session) -> None:
+def list_faults(session: CommandSession) -> None:
     """List the active faults."""
     with session.connect() as uav:
         found = uav.simulation.faults()

@@ -16,11 +16,11 @@ from typing_extensions import override
 
 from ual.errors import DaemonUnreachableError
 from ual.shared.numbers import parse_number
-from ual_tools.streams import Line
+from ual_tools.streams import LineKind
 
 if TYPE_CHECKING:
     from ual import Uav
-    from ual_tools.condition import Condition
+    from ual_tools.condition import UavCondition
 
 _LONGEST_S = 86_400.0
 _DAY, _HALF_DAY, _JUST_PAST = timedelta(days=1), timedelta(hours=12), timedelta(hours=2)
@@ -157,7 +157,7 @@ class Gate:
             self._changed.notify_all()
 
 
-class Member:
+class CommandMember:
     """One of several UAVs that get the same command."""
 
     def __init__(self, name: str, gate: Gate) -> None:
@@ -165,9 +165,9 @@ class Member:
         self.is_flying = False
         """Whether Ctrl-C has to stop what the command has begun."""
         self.interrupted = threading.Event()
-        self.lines: SimpleQueue[tuple[str, Line]] = SimpleQueue()
+        self.lines: SimpleQueue[tuple[str, LineKind]] = SimpleQueue()
         """Printed lines of its command, each with its kind."""
-        self.condition: Condition | None = None
+        self.condition: UavCondition | None = None
         """Condition of the UAV, where its command asked for it."""
         self._gate = gate
         self._uav: Uav | None = None

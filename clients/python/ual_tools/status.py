@@ -18,18 +18,18 @@ from ual.errors import DaemonUnreachableError, UalError
 from ual.types import Health, State, Telemetry
 from ual_tools import condition
 from ual_tools.app import Multi, command
-from ual_tools.condition import STYLES, Condition, Level
+from ual_tools.condition import STYLES, UavCondition, Urgency
 from ual_tools.help import Section
 from ual_tools.output import to_json
 from ual_tools.selection import ask_all
-from ual_tools.session import REFUSED, Session, pass_session
+from ual_tools.session import REFUSED, CommandSession, pass_session
 from ual_tools.tables import print_table
 from ual_tools.watch import watch
 
-_COLOURS: dict[Level, dict[str, Any]] = {
-    Level.FINE: {},
-    Level.WARNING: {"fg": "yellow", "bold": True},
-    Level.ALARM: {"fg": "red", "bold": True},
+_COLOURS: dict[Urgency, dict[str, Any]] = {
+    Urgency.FINE: {},
+    Urgency.WARNING: {"fg": "yellow", "bold": True},
+    Urgency.ALARM: {"fg": "red", "bold": True},
 }
 """Of click."""
 _HEADER = ("uav", "state", "backend", "address", "pid", "battery")
@@ -40,7 +40,7 @@ _STATES = [state.name for state in State]
 
 @command("list", "ual list", "ual list --network", "ual --json list", section=Section.LOOKING, multi=Multi.ITSELF)
 @pass_session
-def list_uavs(session: Session) -> None:
+def list_uavs(session: CommandSession) -> None:
     """List the UAVs, the worst first.
 
     They are those whose daemons run on this computer, or with --network those of the network.
@@ -75,7 +75,7 @@ class _Known(NamedTuple):
     found: Telemetry | UalError
 
     @property
-    def how(self) -> Condition:
+    def how(self) -> UavCondition:
         return condition.of_answer(self.found)
 
 
@@ -113,7 +113,7 @@ def _print_trouble(known: Sequence[_Known]) -> None:
 
 @command("info", "ual info", "ual --ns uav_2 info", section=Section.LOOKING)
 @pass_session
-def info(session: Session) -> None:
+def info(session: CommandSession) -> None:
     """Print the UAV's name, its autopilot, and what it can do."""
     with session.connect() as uav:
         found = uav.info()
@@ -146,7 +146,7 @@ def info(session: Session) -> None:
 
 @command("state", "ual state", "ual --json state", section=Section.LOOKING, multi=Multi.LOOKING)
 @pass_session
-def state(session: Session) -> None:
+def state(session: CommandSession) -> None:
     """Print the state of the UAV.
 
     On a terminal with its reason, its battery, and what is wrong; of several UAVs the worst first, and how many there
@@ -183,7 +183,7 @@ def state(session: Session) -> None:
 @command("wait", "ual wait landed_armed --timeout 60", section=Section.LOOKING, multi=Multi.REACHABLE)
 @click.argument("states", metavar="STATE…", nargs=-1, required=True, type=click.Choice(_STATES, case_sensitive=False))
 @pass_session
-def wait(session: Session, states: tuple[str, ...]) -> None:
+def wait(session: CommandSession, states: tuple[str, ...]) -> None:
     """Wait for a state, or for one of several, and print which. It waits for a daemon, too.
 
     With --timeout it fails (exit status 1) if none of them comes in time: `ual wait landed_armed --timeout 60`.
@@ -192,7 +192,7 @@ def wait(session: Session, states: tuple[str, ...]) -> None:
     session.emit({"ns": ns, "state": reached}, reached.name)
 
 
-def _reached(session: Session, states: Sequence[State]) -> tuple[str, State]:
+def _reached(session: CommandSession, states: Sequence[State]) -> tuple[str, State]:
     """Waits for a daemon, and until its UAV is in one of some states. Returns the UAV's name and the state."""
     alone = dataclasses.replace(session, member=None)  # it does not keep others waiting until its daemon is there
     began_s, left_s = time.monotonic(), session.timeout_s

@@ -27,7 +27,7 @@ class OutputLostError(OSError):
         return str(self.strerror)
 
 
-class Line(Enum):
+class LineKind(Enum):
     """Kind of a line, and so the meaning of its loss."""
 
     MESSAGE = "for people, on standard error"
@@ -35,17 +35,17 @@ class Line(Enum):
     RESULT = "what was asked for"
 
 
-def write(text: str, kind: Line) -> None:
+def write(text: str, kind: LineKind) -> None:
     """Prints a line.
 
     Raises:
-        OutputLostError: A `Line.RESULT` cannot be printed.
+        OutputLostError: A `LineKind.RESULT` cannot be printed.
 
     """
     try:
-        click.echo(text, err=kind is Line.MESSAGE)
+        click.echo(text, err=kind is LineKind.MESSAGE)
     except OutputLostError as error:
-        if kind is Line.RESULT:
+        if kind is LineKind.RESULT:
             raise
         give_up_output()
         click.echo(f"ual: done, but the result cannot be printed: {error}", err=True)

@@ -7,7 +7,7 @@ import click
 from ual_tools import manoeuvre, options, values
 from ual_tools.app import Multi, command
 from ual_tools.help import Section
-from ual_tools.session import Session, pass_session
+from ual_tools.session import CommandSession, pass_session
 
 _INTERRUPTED = f"{manoeuvre.CANCELLED}; a landing that has begun goes on: only the safety pilot can abort it"
 
@@ -22,7 +22,7 @@ _INTERRUPTED = f"{manoeuvre.CANCELLED}; a landing that has begun goes on: only t
 )
 @options.dry_run
 @pass_session
-def rtl(session: Session, height_m: float | None, dry_run: bool) -> None:
+def rtl(session: CommandSession, height_m: float | None, dry_run: bool) -> None:
     """Return home and land: climb, fly straight over home, descend.
 
     Home is the autopilot's home position; where that is not known, the place where it took off. Ctrl-C cancels until
@@ -42,7 +42,7 @@ def rtl(session: Session, height_m: float | None, dry_run: bool) -> None:
 
 @command("pause", "ual pause", section=Section.TASKS, multi=Multi.REACHABLE)
 @pass_session
-def pause(session: Session) -> None:
+def pause(session: CommandSession) -> None:
     """Stop the running task on its way and hold.
 
     `ual resume` goes on.
@@ -54,7 +54,7 @@ def pause(session: Session) -> None:
 
 @command("resume", "ual resume", section=Section.TASKS, multi=Multi.EACH)
 @pass_session
-def resume(session: Session) -> None:
+def resume(session: CommandSession) -> None:
     """Go on with the paused task, along the rest of its way."""
     with session.connect() as uav:
         uav.resume()

@@ -8,19 +8,19 @@ from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from types import FrameType
 
-from ual_tools.keys import Keyboard
+from ual_tools.keys import TerminalKeys
 
 _TERMINATED = 143
 """The exit status of a program that SIGTERM ends."""
 
 
 @contextmanager
-def keyboard() -> Iterator[Keyboard]:
+def keyboard() -> Iterator[TerminalKeys]:
     """Has the terminal give keys at once and without showing them. Leaves it as it was, also at SIGTERM."""
     before = signal.signal(signal.SIGTERM, _exit)
     try:
         if not sys.stdin.isatty():
-            yield Keyboard(None)
+            yield TerminalKeys(None)
             return
         with _characters_at_once() as keys:
             yield keys
@@ -29,7 +29,7 @@ def keyboard() -> Iterator[Keyboard]:
 
 
 @contextmanager
-def _characters_at_once() -> Iterator[Keyboard]:
+def _characters_at_once() -> Iterator[TerminalKeys]:
     file = sys.stdin.fileno()
     try:
         import termios
@@ -42,7 +42,7 @@ def _characters_at_once() -> Iterator[Keyboard]:
     mode = termios.tcgetattr(file)
     try:
         tty.setcbreak(file)
-        yield Keyboard(file)
+        yield TerminalKeys(file)
     finally:
         with suppress(termios.error):  # the terminal may be gone
             termios.tcsetattr(file, termios.TCSADRAIN, mode)

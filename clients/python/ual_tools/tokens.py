@@ -14,7 +14,7 @@ from ual.errors import InvalidArgumentError
 from ual.shared import whole_file
 from ual_tools.app import UalGroup, command
 from ual_tools.help import Section
-from ual_tools.session import Session, pass_session
+from ual_tools.session import CommandSession, pass_session
 from ual_tools.tables import print_table
 from ual_tools.values import Number
 
@@ -49,7 +49,7 @@ def token() -> None:
 )
 @_file
 @pass_session
-def new(session: Session, name: str, role: str, days: float | None, output: Path | None, file: Path) -> None:
+def new(session: CommandSession, name: str, role: str, days: float | None, output: Path | None, file: Path) -> None:
     """Make a token and print it, or write it into a file of its own.
 
     It is shown only this once: the daemon's file has a hash of it.
@@ -83,7 +83,7 @@ def new(session: Session, name: str, role: str, days: float | None, output: Path
 @command("list", "ual token list", section=Section.ACCESS)
 @_file
 @pass_session
-def list_tokens(session: Session, file: Path) -> None:
+def list_tokens(session: CommandSession, file: Path) -> None:
     """List the tokens: whose, what for, until when."""
     now, rows = datetime.now(timezone.utc), []
     for each in _read(file):
@@ -99,7 +99,7 @@ def list_tokens(session: Session, file: Path) -> None:
 @click.argument("name")
 @_file
 @pass_session
-def revoke(session: Session, name: str, file: Path) -> None:
+def revoke(session: CommandSession, name: str, file: Path) -> None:
     """Remove a token.
 
     Calls with it are refused, and its streams end within 10 s.

@@ -18,7 +18,7 @@ from ual_tools.app import Multi, command
 from ual_tools.help import Section
 from ual_tools.output import error_text, pose_text, vector_text
 from ual_tools.selection import ask_all, several
-from ual_tools.session import REFUSED, Session, note, pass_session
+from ual_tools.session import REFUSED, CommandSession, note, pass_session
 from ual_tools.values import Number
 from ual_tools.watch_board import Board
 from ual_tools.watch_roster import all_subscribed
@@ -48,7 +48,7 @@ _TOTAL_RATE_HZ = 200.0
     help="Samples a second of each UAV; 0 for every sample. 5 when not given, fewer for more than 40 UAVs.",
 )
 @pass_session
-def watch(session: Session, once: bool, rate_hz: float | None) -> None:
+def watch(session: CommandSession, once: bool, rate_hz: float | None) -> None:
     """Show the UAV's telemetry until q or Ctrl-C.
 
     With --all it is a table with one line for each UAV of this computer, with --ns uav_1,uav_2 for each of these. The
@@ -83,7 +83,7 @@ def watch(session: Session, once: bool, rate_hz: float | None) -> None:
             _follow(session, board, is_all=False)
 
 
-def _watch_network(session: Session, joined: Joined, *, once: bool, rate_hz: float | None) -> None:
+def _watch_network(session: CommandSession, joined: Joined, *, once: bool, rate_hz: float | None) -> None:
     """Shows what all UAVs of the network tell."""
     from ual.network.roster import KEEP_GONE_S
     from ual_tools.network.feed import Feed, feeding
@@ -107,7 +107,7 @@ def default_rate_hz(count: int) -> float:
     return min(_RATE_HZ, _TOTAL_RATE_HZ / count)
 
 
-def _print_each(session: Session, daemons: Sequence[Registration]) -> None:
+def _print_each(session: CommandSession, daemons: Sequence[Registration]) -> None:
     """Prints one sample of each UAV, or why there is none; the worst first."""
     answers = [(daemon.ns, found) for daemon, found in zip(daemons, ask_all(session, daemons), strict=True)]
     for ns, found in condition.worst_first(answers, lambda each: _condition(each[1]), lambda each: each[0]):
@@ -120,26 +120,26 @@ def _print_each(session: Session, daemons: Sequence[Registration]) -> None:
         raise click.exceptions.Exit(REFUSED)
 
 
-def _condition(found: Telemetry | UalError) -> condition.Condition:
+def _condition(found: Telemetry | UalError) -> condition.UavCondition:
     if isinstance(found, Telemetry):
         return condition.of_telemetry(found)
-    return condition.Condition(condition.Level.ALARM)
+    return condition.UavCondition(condition.Urgency.ALARM)
 
 
-def _is_screen(session: Session) -> bool:
+def _is_screen(session: CommandSession) -> bool:
     return sys.stdout.isatty() and not session.as_json
 
 
-def _follow(session: Session, board: Board, *, is_all: bool) -> None:
+def _follow(session: CommandSession, board: Board, *, is_all: bool) -> None:
     if _is_screen(session):
         from ual_tools import watch_screen
 
-        watch_screen.show(board, watch_screen.Table() if is_all else watch_screen.Detail())
+        watch_screen.show(board, watch_screen.FleetTable() if is_all else watch_screen.Detail())
     else:
         _print_lines(session, board, is_one=not is_all)
 
 
-def _print_lines(session: Session, board: Board, *, is_one: bool) -> None:
+def _print_lines(session: CommandSession, board: Board, *, is_one: bool) -> None:
     while True:
         board.changed.wait()
         board.changed.clear()
@@ -148,7 +148,7 @@ def _print_lines(session: Session, board: Board, *, is_one: bool) -> None:
         sys.stdout.flush()
 
 
-def _print(session: Session, ns: str, telemetry: Telemetry, *, is_one: bool) -> None:
+def _print(session: CommandSession, ns: str, telemetry: Telemetry, *, is_one: bool) -> None:
     """Prints a sample as one line: of several UAVs with its place in `map`, which they share."""
     if session.as_json:
         from ual_tools.output import to_json

@@ -18,7 +18,7 @@ GONE_S = 10.0
 
 
 @dataclass(frozen=True, slots=True)
-class Seen:
+class WatchedUav:
     """Last observation of one UAV: its newest sample, when it came, and why no newer one comes, if that is known."""
 
     since_s: float
@@ -43,13 +43,13 @@ class Board:
         self.lost_after_s = max(LOST_S, 2.0 / rate_hz if rate_hz else 0.0)
         self._gone_after_s = gone_after_s
         self._lock = threading.Lock()
-        self._seen = {ns: Seen(time.monotonic()) for ns in names}
+        self._seen = {ns: WatchedUav(time.monotonic()) for ns in names}
         self._new: dict[str, Telemetry] = {}
 
     def add(self, ns: str) -> None:
         """Adds a UAV whose daemon has appeared."""
         with self._lock:
-            self._seen[ns] = Seen(time.monotonic())
+            self._seen[ns] = WatchedUav(time.monotonic())
         self.changed.set()
 
     def remove(self, ns: str) -> None:
@@ -70,7 +70,7 @@ class Board:
         with self._lock:
             if not self._is_here(ns):
                 return
-            self._seen[ns] = Seen(time.monotonic(), telemetry)
+            self._seen[ns] = WatchedUav(time.monotonic(), telemetry)
             unseen = self._new.get(ns)
             if unseen is not None:  # the unseen sample counts as missed, in addition to those that it had missed
                 telemetry = replace(telemetry, missed_count=telemetry.missed_count + unseen.missed_count + 1)
@@ -93,14 +93,14 @@ class Board:
             new, self._new = self._new, {}
         return new
 
-    def seen(self) -> Mapping[str, Seen]:
+    def seen(self) -> Mapping[str, WatchedUav]:
         """Returns what is known of each UAV, sorted by name and number, without those that ended a while ago."""
         now_s = time.monotonic()
         with self._lock:
             self._seen = {ns: each for ns, each in self._seen.items() if not self._has_vanished(each, now_s)}
             return dict(sorted(self._seen.items(), key=lambda item: discovery.natural_order(item[0])))
 
-    def _has_vanished(self, seen: Seen, now_s: float) -> bool:
+    def _has_vanished(self, seen: WatchedUav, now_s: float) -> bool:
         limit_s = GONE_S if self._gone_after_s is None else self._gone_after_s
         return seen.gone_s is not None and now_s - seen.gone_s >= limit_s
 

@@ -14,7 +14,7 @@ from ual.errors import UalError
 from ual.shared.guard import WorkGuard
 from ual_tools.output import error_text
 from ual_tools.selection import chosen_daemons
-from ual_tools.session import Session, note
+from ual_tools.session import CommandSession, note
 from ual_tools.watch_board import Board
 
 if TYPE_CHECKING:
@@ -26,14 +26,14 @@ _CLOSE_S = 2.0
 
 
 @contextmanager
-def all_subscribed(session: Session, board: Board, rate_hz: float, *, is_quiet: bool) -> Iterator[None]:
+def all_subscribed(session: CommandSession, board: Board, rate_hz: float, *, is_quiet: bool) -> Iterator[None]:
     """Subscribes to all UAVs while the block runs. Unless it is quiet, it notes on stderr what goes wrong."""
-    with kept_up_to_date(Roster(session, board, rate_hz, (lambda _: None) if is_quiet else note)):
+    with kept_up_to_date(WatchRoster(session, board, rate_hz, (lambda _: None) if is_quiet else note)):
         yield
 
 
 @contextmanager
-def kept_up_to_date(roster: Roster) -> Iterator[None]:
+def kept_up_to_date(roster: WatchRoster) -> Iterator[None]:
     """Looks for daemons that appear or end, again and again, while the block runs. Then it closes the roster."""
     roster.update()
     is_closing, guard = threading.Event(), WorkGuard("roster")
@@ -52,7 +52,7 @@ def kept_up_to_date(roster: Roster) -> Iterator[None]:
         roster.close()
 
 
-class Roster:
+class WatchRoster:
     """One subscription for each daemon, each on a thread of its own: one that does not answer delays no other.
 
     Args:
@@ -67,7 +67,7 @@ class Roster:
 
     def __init__(
         self,
-        session: Session,
+        session: CommandSession,
         board: Board,
         rate_hz: float,
         say: Callable[[str], None],

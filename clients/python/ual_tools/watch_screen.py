@@ -12,7 +12,7 @@ from ual_tools.condition import STYLES
 from ual_tools.keys import Key
 from ual_tools.output import pose_text, running_text, vector_text
 from ual_tools.terminal import keyboard
-from ual_tools.watch_board import Board, Seen
+from ual_tools.watch_board import Board, WatchedUav
 
 if TYPE_CHECKING:
     from rich.console import RenderableType
@@ -23,7 +23,7 @@ _POLL_S = 0.1
 """The screen is drawn at most this often, except when a key is pressed."""
 
 
-class Picture(Protocol):
+class ScreenPicture(Protocol):
     """Content of the screen."""
 
     def press(self, keys: Sequence[Key], count: int, height: int) -> None:
@@ -33,7 +33,7 @@ class Picture(Protocol):
         """Returns what the screen shows now."""
 
 
-def show(board: Board, picture: Picture) -> None:
+def show(board: Board, picture: ScreenPicture) -> None:
     """Shows a picture of the board until q or Ctrl-C. Leaves the terminal as it was."""
     from rich.console import Console
     from rich.live import Live
@@ -51,7 +51,7 @@ def show(board: Board, picture: Picture) -> None:
             pressed = keys.wait(_POLL_S)
 
 
-class Table:
+class FleetTable:
     """All UAVs, one line each."""
 
     def __init__(self) -> None:
@@ -85,7 +85,7 @@ class Detail:
         return as_text(detail(board.seen(), width=width, now_s=time.monotonic(), lost_after_s=board.lost_after_s))
 
 
-def as_text(lines: Sequence[watch_table.Line]) -> RenderableType:
+def as_text(lines: Sequence[watch_table.TableLine]) -> RenderableType:
     """Converts lines to what rich draws."""
     from rich.console import Group
     from rich.text import Text
@@ -93,21 +93,23 @@ def as_text(lines: Sequence[watch_table.Line]) -> RenderableType:
     return Group(*(Text(line.text, line.style, no_wrap=True, overflow="crop") for line in lines))
 
 
-def detail(found: Mapping[str, Seen], *, width: int, now_s: float, lost_after_s: float) -> list[watch_table.Line]:
+def detail(
+    found: Mapping[str, WatchedUav], *, width: int, now_s: float, lost_after_s: float
+) -> list[watch_table.TableLine]:
     """Returns the lines of one UAV, none wider than the screen: a long text goes on in the next line."""
     from textwrap import wrap
 
-    lines = [watch_table.Line("ual watch (q quits)"[:width], "bold")]
+    lines = [watch_table.TableLine("ual watch (q quits)"[:width], "bold")]
     for ns, seen in found.items():
-        lines.append(watch_table.Line(ns[:width], "bold underline"))
+        lines.append(watch_table.TableLine(ns[:width], "bold underline"))
         for name, text, style in _aged_rows(seen, now_s - seen.since_s, lost_after_s):
             first, *others = wrap(text, max(8, width - 15)) or [""]
-            lines.append(watch_table.Line(f"{name:<13}  {first}"[:width], style))
-            lines += [watch_table.Line(f"{'':<13}  {each}"[:width], style) for each in others]
+            lines.append(watch_table.TableLine(f"{name:<13}  {first}"[:width], style))
+            lines += [watch_table.TableLine(f"{'':<13}  {each}"[:width], style) for each in others]
     return lines
 
 
-def _aged_rows(seen: Seen, age_s: float, lost_after_s: float) -> list[tuple[str, str, str]]:
+def _aged_rows(seen: WatchedUav, age_s: float, lost_after_s: float) -> list[tuple[str, str, str]]:
     """Returns the lines of a UAV, with the age of the sample if it is old."""
     telemetry = seen.telemetry
     (name, state, style), because, *others = rows(telemetry or Telemetry(State.UNINITIALIZED))

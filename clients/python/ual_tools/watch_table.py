@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 from ual.types import State, Telemetry
 from ual_tools import condition, places
-from ual_tools.condition import STYLES, Condition, Level
+from ual_tools.condition import STYLES, UavCondition, Urgency
 from ual_tools.keys import Key
 from ual_tools.output import running_text
-from ual_tools.watch_board import Seen
+from ual_tools.watch_board import WatchedUav
 
 STATE_STYLES = {
     State.UNINITIALIZED: "red",
@@ -30,7 +30,7 @@ _LEAST_OF_NOTE, _AMPLE_OF_NOTE = 12, 40
 
 
 @dataclass(frozen=True, slots=True)
-class Line:
+class TableLine:
     """One line of the screen: its text, not longer than the screen is wide, and its style (of rich)."""
 
     text: str
@@ -82,8 +82,8 @@ def page_size(height: int) -> int:
 
 
 def table(
-    seen: Mapping[str, Seen], *, width: int, height: int, top: int, now_s: float, lost_after_s: float
-) -> list[Line]:
+    seen: Mapping[str, WatchedUav], *, width: int, height: int, top: int, now_s: float, lost_after_s: float
+) -> list[TableLine]:
     """Returns the lines of the screen: `height` at most, and each `width` characters at most."""
     conditions = {ns: condition.of_seen(each, now_s, lost_after_s) for ns, each in seen.items()}
     names = condition.worst_first(seen, conditions.__getitem__, str)
@@ -91,15 +91,15 @@ def table(
     columns = _fitting(width - name_width)
     note_width = _note_width(width - name_width, columns)
     shown = names[top : top + page_size(height)]
-    lines = [Line(_clip(_title(len(names), top, len(shown), width), width), "bold")]
+    lines = [TableLine(_clip(_title(len(names), top, len(shown), width), width), "bold")]
     if height >= _SHORT_LINES:
         counts = condition.summary(conditions.values())
-        lines.append(Line(_clip(counts, width), STYLES[condition.worst(conditions.values())]))
-    lines.append(Line(_head(columns, name_width, note_width)[:width], "bold underline"))
+        lines.append(TableLine(_clip(counts, width), STYLES[condition.worst(conditions.values())]))
+    lines.append(TableLine(_head(columns, name_width, note_width)[:width], "bold underline"))
     for ns in shown:
         name = _clip(ns, name_width).ljust(name_width)
         rest = _rest(seen[ns], conditions[ns], columns, note_width, width - name_width - len(_GAP))
-        lines.append(Line(f"{name}{_GAP}{rest}".rstrip()[:width], _style(seen[ns], conditions[ns])))
+        lines.append(TableLine(f"{name}{_GAP}{rest}".rstrip()[:width], _style(seen[ns], conditions[ns])))
     return lines[:height]
 
 
@@ -138,7 +138,7 @@ def _head(columns: Sequence[_Column], name_width: int, note_width: int) -> str:
     return _GAP.join(["uav".ljust(name_width), *titles, *note])
 
 
-def _rest(seen: Seen, how: Condition, columns: Sequence[_Column], note_width: int, width: int) -> str:
+def _rest(seen: WatchedUav, how: UavCondition, columns: Sequence[_Column], note_width: int, width: int) -> str:
     """Returns what stands behind the name."""
     telemetry = seen.telemetry
     if telemetry is None or how.state == "LOST":
@@ -151,8 +151,8 @@ def _rest(seen: Seen, how: Condition, columns: Sequence[_Column], note_width: in
     return _GAP.join([*cells, *([_clip(note, note_width)] if note_width else [])])
 
 
-def _style(seen: Seen, how: Condition) -> str:
-    if how.level is not Level.FINE or seen.telemetry is None:
+def _style(seen: WatchedUav, how: UavCondition) -> str:
+    if how.level is not Urgency.FINE or seen.telemetry is None:
         return STYLES[how.level]
     return STATE_STYLES.get(seen.telemetry.state, "")
 

@@ -16,7 +16,7 @@ from ual_tools.app import UalCommand, UalGroup
 from ual_tools.help import Section
 from ual_tools.output import pose_json, pose_text
 from ual_tools.path import PathOptions, fly_path
-from ual_tools.session import Session, pass_session
+from ual_tools.session import CommandSession, pass_session
 
 
 @click.group(
@@ -39,7 +39,7 @@ def waypoints() -> None:
     shell_complete=complete.frames,
 )
 @pass_session
-def save(session: Session, file: Path, frame_id: str) -> None:
+def save(session: CommandSession, file: Path, frame_id: str) -> None:
     """Append the present pose to FILE."""
     with session.connect() as uav:
         if frame_id:
@@ -66,7 +66,7 @@ def save(session: Session, file: Path, frame_id: str) -> None:
 @options.plot
 @pass_session
 def fly(
-    session: Session,
+    session: CommandSession,
     file: Path,
     corner_radius_m: float,
     max_speed_m_s: float | None,

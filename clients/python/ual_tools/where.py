@@ -10,13 +10,13 @@ from ual.geometry import Vector3
 from ual_tools.app import command
 from ual_tools.help import Section
 from ual_tools.output import vector_text
-from ual_tools.session import Session, pass_session
+from ual_tools.session import CommandSession, pass_session
 from ual_tools.tables import print_table
 
 
 @command("geofence", "ual geofence", "ual --json geofence", section=Section.FRAMES)
 @pass_session
-def geofence(session: Session) -> None:
+def geofence(session: CommandSession) -> None:
     """Print where the UAV may fly: inside all of these at once.
 
     They are those of the configuration, the floor and the ceiling, and the limits of the autopilot's own fence around
@@ -40,7 +40,7 @@ def geofence(session: Session) -> None:
 
 @command("route", "ual route", "ual --json route", section=Section.TASKS)
 @pass_session
-def route(session: Session) -> None:
+def route(session: CommandSession) -> None:
     """Print the way that the UAV flies, as points."""
     with session.connect() as uav:
         found = uav.route()

@@ -12,7 +12,7 @@ from ual_daemon.backends.engine.command import Verdict
 from ual_daemon.backends.engine.command_runner import CommandRunner
 from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.engine.plausibility import Plausibility
-from ual_daemon.backends.engine.readings import Lasts, Reading, Readings
+from ual_daemon.backends.engine.readings import Reading, Readings, Valid
 from ual_daemon.backends.values import (
     Control,
     ControlState,
@@ -42,7 +42,7 @@ class Session:
         self._epoch_s = time.time() - clock.now_s()
         self._plausibility = Plausibility()
         self._readings = Readings()
-        self._packet: Reading[Packet] = self._readings.add(Lasts.SEEN)
+        self._packet: Reading[Packet] = self._readings.add(Valid.WHILE_HEARD)
         self._boots_count = 0
 
     # --- What the loop calls: see `Driven` ----------------------------------------------------------------------------

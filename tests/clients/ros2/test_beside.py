@@ -242,7 +242,7 @@ class FakeLogs:
 
 def test_a_log_is_written_into_the_directory_whatever_its_name(tmp_path: Path) -> None:
     uav: Any = SimpleNamespace(logs=FakeLogs(), ns="uav_1")
-    downloads = logs.Downloads(tmp_path)
+    downloads = logs.LogDownloads(tmp_path)
     told = asyncio.run(_awaited(downloads.download(uav, SimpleNamespace(log_id="../../evil/1.ulg"))))
     assert [each.name for each in tmp_path.iterdir()] == ["uav_1_.._.._evil_1.ulg"]
     assert Path(told["file"]).read_bytes() == CONTENT
@@ -265,7 +265,7 @@ def test_a_log_is_written_by_one_download_at_a_time(tmp_path: Path) -> None:
 
     async def check() -> None:
         uav: Any = SimpleNamespace(logs=SlowLogs(), ns="uav_1")
-        downloads, goal = logs.Downloads(tmp_path), SimpleNamespace(log_id="../../evil/1.ulg")
+        downloads, goal = logs.LogDownloads(tmp_path), SimpleNamespace(log_id="../../evil/1.ulg")
         first = asyncio.ensure_future(downloads.download(uav, goal))
         await until_async(lambda: (downloads.progress(goal) or {}).get("done"))
         with pytest.raises(ual.WrongStateError, match="is being downloaded already"):
@@ -279,7 +279,7 @@ def test_a_log_is_written_by_one_download_at_a_time(tmp_path: Path) -> None:
 
 def test_without_a_directory_no_log_is_written() -> None:
     with pytest.raises(ual.PermissionDeniedError, match="log_directory:=DIRECTORY"):
-        asyncio.run(_awaited(logs.Downloads(None).download(SimpleNamespace(), SimpleNamespace(log_id="1"))))  # type: ignore[arg-type]  # it is not used
+        asyncio.run(_awaited(logs.LogDownloads(None).download(SimpleNamespace(), SimpleNamespace(log_id="1"))))  # type: ignore[arg-type]  # it is not used
 
 
 # --- Corrections ------------------------------------------------------------------------------------------------------
@@ -303,9 +303,11 @@ class FakeReceiver:
         return CorrectionsStatus()
 
 
-async def _corrected(receiver: FakeReceiver, act: Callable[[corrections.Corrections], Any]) -> corrections.Corrections:
+async def _corrected(
+    receiver: FakeReceiver, act: Callable[[corrections.CorrectionsRelay], Any]
+) -> corrections.CorrectionsRelay:
     uav: Any = SimpleNamespace(corrections=receiver, ns="uav_1")
-    streaming = corrections.Corrections(asyncio.get_running_loop(), uav, idle_s=0.05)
+    streaming = corrections.CorrectionsRelay(asyncio.get_running_loop(), uav, idle_s=0.05)
     running = asyncio.create_task(streaming.run())
     await run_ready()
     act(streaming)
@@ -318,7 +320,7 @@ async def _corrected(receiver: FakeReceiver, act: Callable[[corrections.Correcti
 def test_a_cancel_that_comes_with_a_message_ends_the_stream() -> None:
     async def check() -> bool:
         uav: Any = SimpleNamespace(corrections=FakeReceiver(), ns="uav_1")
-        streaming = corrections.Corrections(asyncio.get_running_loop(), uav, idle_s=60.0)
+        streaming = corrections.CorrectionsRelay(asyncio.get_running_loop(), uav, idle_s=60.0)
         running = asyncio.create_task(streaming.run())
         await run_ready()
         streaming.put(b"a")
@@ -333,7 +335,7 @@ def test_a_cancel_that_comes_with_a_message_ends_the_stream() -> None:
     assert asyncio.run(check())
 
 
-def put_all(streaming: corrections.Corrections, sent: Sequence[bytes]) -> None:
+def put_all(streaming: corrections.CorrectionsRelay, sent: Sequence[bytes]) -> None:
     for each in sent:
         streaming.put(each)
 

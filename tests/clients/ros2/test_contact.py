@@ -8,10 +8,10 @@ from collections.abc import Iterator
 import pytest
 
 import ual
-from ual_ros2.contact import QUIET_S, Contact, confirmed
-from ual_ros2.outcome import Outcome
+from ual_ros2.contact import QUIET_S, DaemonContact, confirmed
+from ual_ros2.outcome import CommandOutcome
 
-CANCELLED = Outcome("TASK_ABORTED", "cancelled: the ROS client", {"by": "the ROS client"})
+CANCELLED = CommandOutcome("TASK_ABORTED", "cancelled: the ROS client", {"by": "the ROS client"})
 
 
 class Daemon:
@@ -34,7 +34,7 @@ class Daemon:
 def test_a_daemon_that_is_heard_is_not_asked() -> None:
     async def run() -> None:
         daemon = Daemon()
-        contact = Contact(daemon.ask, 30.0, lambda: daemon.now_s)
+        contact = DaemonContact(daemon.ask, 30.0, lambda: daemon.now_s)
         daemon.is_stalled = True
         await contact.require(0.01)
         daemon.now_s = 10.0
@@ -49,7 +49,7 @@ def test_a_daemon_that_is_heard_is_not_asked() -> None:
 def test_a_quiet_daemon_is_asked_and_only_one_that_answers_gets_what_moves() -> None:
     async def run() -> None:
         daemon = Daemon()
-        contact = Contact(daemon.ask, 30.0, lambda: daemon.now_s)
+        contact = DaemonContact(daemon.ask, 30.0, lambda: daemon.now_s)
         daemon.now_s = 0.3
         await contact.require(0.01)  # it answers: time stands in its simulation, say
         assert daemon.asked_count == 1
@@ -66,7 +66,7 @@ def test_a_quiet_daemon_is_asked_and_only_one_that_answers_gets_what_moves() -> 
 def test_a_stream_of_setpoints_goes_on_through_the_gaps_of_a_slow_link() -> None:
     async def run() -> None:
         daemon = Daemon()
-        contact = Contact(daemon.ask, 30.0, lambda: daemon.now_s)
+        contact = DaemonContact(daemon.ask, 30.0, lambda: daemon.now_s)
         daemon.is_stalled = True
         daemon.now_s = 0.5
         await contact.require(0.01, quiet_s=0.5)
@@ -80,7 +80,7 @@ def test_a_stream_of_setpoints_goes_on_through_the_gaps_of_a_slow_link() -> None
 def test_a_slow_rate_is_no_silence() -> None:
     async def run() -> None:
         daemon = Daemon()
-        contact = Contact(daemon.ask, 2.0, lambda: daemon.now_s)
+        contact = DaemonContact(daemon.ask, 2.0, lambda: daemon.now_s)
         daemon.now_s = 1.4
         await contact.require(0.01)
         assert daemon.asked_count == 0
@@ -94,7 +94,7 @@ def test_a_cancel_that_comes_with_the_answer_is_not_lost() -> None:
     async def run() -> bool:
         answered: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         now_s = 0.0
-        contact = Contact(lambda: answered, 30.0, lambda: now_s)
+        contact = DaemonContact(lambda: answered, 30.0, lambda: now_s)
         now_s = 10.0
         requiring = asyncio.ensure_future(contact.require(3.0))
         await asyncio.sleep(0)

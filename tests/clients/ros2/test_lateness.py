@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 import ual
-from ual_ros2.lateness import COMMAND_S, QUEUED_S, SETPOINT_S, Lateness, Pulse
+from ual_ros2.lateness import COMMAND_S, QUEUED_S, SETPOINT_S, LatenessCheck, ProgramPulse
 
 NOW_S = 1_000_000.0
 
@@ -19,12 +19,12 @@ class Clock:
 
 @pytest.mark.parametrize("age_s", [0.0, 0.4, -0.4])
 def test_a_setpoint_of_the_present_is_taken(age_s: float) -> None:
-    Lateness(True, Clock()).require_setpoint(NOW_S - age_s, NOW_S - age_s)
+    LatenessCheck(True, Clock()).require_setpoint(NOW_S - age_s, NOW_S - age_s)
 
 
 def test_a_time_that_is_not_known_is_not_checked() -> None:
-    Lateness(True, Clock()).require_setpoint(0.0, 0.0)
-    Lateness(True, Clock()).require_command(0.0)
+    LatenessCheck(True, Clock()).require_setpoint(0.0, 0.0)
+    LatenessCheck(True, Clock()).require_command(0.0)
 
 
 @pytest.mark.parametrize(
@@ -37,13 +37,13 @@ def test_a_time_that_is_not_known_is_not_checked() -> None:
 )
 def test_a_setpoint_of_another_time_is_refused(sent_s: float, stamp_s: float, text: str) -> None:
     with pytest.raises(ual.UalTimeoutError, match=text) as refused:
-        Lateness(True, Clock()).require_setpoint(sent_s, stamp_s)
+        LatenessCheck(True, Clock()).require_setpoint(sent_s, stamp_s)
     assert refused.value.metadata["limit_s"] == "0.5"
-    Lateness(False, Clock()).require_setpoint(sent_s, stamp_s)
+    LatenessCheck(False, Clock()).require_setpoint(sent_s, stamp_s)
 
 
 def test_a_stamp_of_another_time_than_the_simulated_one_is_told_so() -> None:
-    lateness = Lateness(True, Clock(), lambda: True)
+    lateness = LatenessCheck(True, Clock(), lambda: True)
     with pytest.raises(ual.UalTimeoutError, match=r"not the simulated one of this node .* give its"):
         lateness.require_setpoint(NOW_S, NOW_S + 1e9)
     with pytest.raises(ual.UalTimeoutError, match="the clocks of the two computers differ"):
@@ -51,7 +51,7 @@ def test_a_stamp_of_another_time_than_the_simulated_one_is_told_so() -> None:
 
 
 def test_an_old_request_is_refused() -> None:
-    lateness = Lateness(True, Clock())
+    lateness = LatenessCheck(True, Clock())
     lateness.require_command(NOW_S - COMMAND_S + 0.1)
     with pytest.raises(ual.UalTimeoutError, match="it was sent more than 3 s ago") as refused:
         lateness.require_command(NOW_S - 5.0)
@@ -60,7 +60,7 @@ def test_an_old_request_is_refused() -> None:
 
 def test_what_comes_after_the_node_stood_still_is_refused_for_a_while() -> None:
     clock = Clock()
-    pulse = Pulse(clock)
+    pulse = ProgramPulse(clock)
     clock.now_s += COMMAND_S - 0.1
     pulse.require_running()
     clock.now_s += 5.0

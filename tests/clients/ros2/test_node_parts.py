@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 import ual
 from tests.clients.ros2 import messages
 from ual_ros2 import health, outcome, settings
-from ual_ros2.outcome import Outcome, Run
+from ual_ros2.outcome import CommandOutcome, CommandRun
 from ual_ros2.ros_time import RosTime
 from ual_ros2.setpoints import STALE_S, Given, Newest, send_given
 from ual_ros2.tf_buffer import TfBuffer
@@ -55,10 +55,10 @@ def test_the_state_is_told_when_it_changes_and_again_slowly(topics: Any) -> None
     assert published.call_count == 2
     told.publish(ual.Telemetry(ual.State.LANDED_DISARMED, "not heard for 2.7 s"))
     assert published.call_count == 3
-    told.publish_slow(ual.Telemetry(ual.State.LANDED_DISARMED, "not heard for 2.7 s"), health.Said())
+    told.publish_slow(ual.Telemetry(ual.State.LANDED_DISARMED, "not heard for 2.7 s"), health.ConnectionReport())
     assert published.call_count == 4
     told._state.get_subscription_count.return_value = 0
-    told.publish_slow(ual.Telemetry(ual.State.LANDED_DISARMED, "not heard for 2.7 s"), health.Said())
+    told.publish_slow(ual.Telemetry(ual.State.LANDED_DISARMED, "not heard for 2.7 s"), health.ConnectionReport())
     assert published.call_count == 4
 
 
@@ -79,7 +79,7 @@ def test_what_is_not_heard_is_not_published_but_for_the_state(
         ual.State.LANDED_ARMED, pose=pose, velocity=twist, odometry=odometry, reference_pose=pose, battery=battery
     )
     told.publish(sample)
-    told.publish_slow(sample, health.Said())
+    told.publish_slow(sample, health.ConnectionReport())
     assert publisher.publish.call_count == published_count
 
 
@@ -589,41 +589,41 @@ async def _for_ever() -> Mapping[str, object]:
 @pytest.mark.parametrize(
     ("begin", "ended"),
     [
-        (_done, Outcome()),
-        (_read, Outcome(told={"parameter": 1})),
-        (_refused, Outcome("GEOFENCE", "too far", {"setting": "radius"})),
-        (_broken, Outcome("INTERNAL", "the node failed: ZeroDivisionError('oh')")),
+        (_done, CommandOutcome()),
+        (_read, CommandOutcome(told={"parameter": 1})),
+        (_refused, CommandOutcome("GEOFENCE", "too far", {"setting": "radius"})),
+        (_broken, CommandOutcome("INTERNAL", "the node failed: ZeroDivisionError('oh')")),
     ],
 )
-def test_how_a_command_ends(begin: Any, ended: Outcome) -> None:
-    async def check() -> Outcome:
-        return await Run(begin).task
+def test_how_a_command_ends(begin: Any, ended: CommandOutcome) -> None:
+    async def check() -> CommandOutcome:
+        return await CommandRun(begin).task
 
     assert asyncio.run(check()) == ended
 
 
 def test_who_has_cancelled_is_told() -> None:
-    async def check() -> Outcome:
-        run = Run(_for_ever)
+    async def check() -> CommandOutcome:
+        run = CommandRun(_for_ever)
         await run_ready()
         run.cancel("the ROS client")
         return await run.task
 
-    assert asyncio.run(check()) == Outcome("TASK_ABORTED", "cancelled: the ROS client", {"by": "the ROS client"})
+    assert asyncio.run(check()) == CommandOutcome("TASK_ABORTED", "cancelled: the ROS client", {"by": "the ROS client"})
 
 
 def test_one_that_is_cancelled_before_it_begins_never_begins() -> None:
-    async def check() -> Outcome:
-        run = Run(lambda: pytest.fail("it has begun"))
+    async def check() -> CommandOutcome:
+        run = CommandRun(lambda: pytest.fail("it has begun"))
         run.cancel("the ROS client")
         return await run.task
 
-    assert asyncio.run(check()) == Outcome("TASK_ABORTED", "cancelled: the ROS client", {"by": "the ROS client"})
+    assert asyncio.run(check()) == CommandOutcome("TASK_ABORTED", "cancelled: the ROS client", {"by": "the ROS client"})
 
 
 @pytest.mark.parametrize("is_refused", [False, True])
 def test_one_that_the_daemon_aborts_says_by_what_and_one_that_it_does_not_goes_on(is_refused: bool) -> None:
-    async def check() -> Outcome:
+    async def check() -> CommandOutcome:
         flown: asyncio.Future[None] = asyncio.get_running_loop().create_future()
 
         async def fly() -> Mapping[str, object]:
@@ -636,13 +636,13 @@ def test_one_that_the_daemon_aborts_says_by_what_and_one_that_it_does_not_goes_o
                 raise ual.WrongStateError("it has landed")
             flown.set_exception(ual.TaskAbortedError("replaced by abort", {"by": "abort"}))
 
-        run = Run(fly)
+        run = CommandRun(fly)
         await run_ready()
         await run.abort("the ROS client", abort)
         return await run.task
 
-    cancelled = Outcome("TASK_ABORTED", "cancelled: the ROS client", {"by": "the ROS client"})
-    assert asyncio.run(check()) == (Outcome() if is_refused else cancelled)
+    cancelled = CommandOutcome("TASK_ABORTED", "cancelled: the ROS client", {"by": "the ROS client"})
+    assert asyncio.run(check()) == (CommandOutcome() if is_refused else cancelled)
 
 
 PLACE = SimpleNamespace(latitude=0.0, altitude=0.0)
@@ -671,28 +671,28 @@ def test_a_refusal_names_the_field_of_the_request(field: str, named: str) -> Non
     async def refused() -> Mapping[str, object]:
         raise ual.InvalidArgumentError(f"{field}: -1 is negative (my_{field})", {"field": field})
 
-    async def check() -> Outcome:
-        return await Run(refused, ASKED).task
+    async def check() -> CommandOutcome:
+        return await CommandRun(refused, ASKED).task
 
-    refusal = Outcome("INVALID_ARGUMENT", f"{named}: -1 is negative (my_{field})", {"field": named})
+    refusal = CommandOutcome("INVALID_ARGUMENT", f"{named}: -1 is negative (my_{field})", {"field": named})
     assert asyncio.run(check()) == refusal
 
 
 def test_the_log_names_a_command_once() -> None:
-    told = Outcome("TASK_ABORTED", "go_to_waypoint: cancelled")
+    told = CommandOutcome("TASK_ABORTED", "go_to_waypoint: cancelled")
     assert told.text_of("go_to_waypoint") == "go_to_waypoint: TASK_ABORTED: cancelled"
-    assert Outcome("WRONG_STATE", "land needs it").text_of("land") == "land: WRONG_STATE: land needs it"
+    assert CommandOutcome("WRONG_STATE", "land needs it").text_of("land") == "land: WRONG_STATE: land needs it"
 
 
 def test_answers_have_reason_words_and_metadata() -> None:
-    refused = Outcome("GEOFENCE", "too far", {"setting": "radius"})
+    refused = CommandOutcome("GEOFENCE", "too far", {"setting": "radius"})
     filled = outcome.fill(SimpleNamespace(), refused, lambda **fields: fields)
     assert (filled.success, filled.reason, filled.message) == (False, "GEOFENCE", "too far")
     assert filled.metadata == [{"key": "setting", "value": "radius"}]
-    assert outcome.fill(SimpleNamespace(), Outcome(told={"parameter": 1}), dict).parameter == 1
+    assert outcome.fill(SimpleNamespace(), CommandOutcome(told={"parameter": 1}), dict).parameter == 1
     assert outcome.fill_trigger(SimpleNamespace(), refused).message == 'GEOFENCE: too far\n{"setting": "radius"}'
-    assert outcome.fill_trigger(SimpleNamespace(), Outcome("GEOFENCE", "too far")).message == "GEOFENCE: too far"
-    assert outcome.fill_trigger(SimpleNamespace(), Outcome()) == SimpleNamespace(success=True, message="")
+    assert outcome.fill_trigger(SimpleNamespace(), CommandOutcome("GEOFENCE", "too far")).message == "GEOFENCE: too far"
+    assert outcome.fill_trigger(SimpleNamespace(), CommandOutcome()) == SimpleNamespace(success=True, message="")
 
 
 # --- Diagnostics ------------------------------------------------------------------------------------------------------
@@ -720,7 +720,7 @@ def test_answers_have_reason_words_and_metadata() -> None:
     ],
 )
 def test_the_worst_that_is_known_comes_first(sample: ual.Telemetry, refused: str, level: int, message: str) -> None:
-    status = health.of(sample, health.Said(refused=refused))
+    status = health.of(sample, health.ConnectionReport(refused=refused))
     assert (status.level, status.message) == (level, message)
     assert status.values["state"] == sample.state.name
 
@@ -728,16 +728,16 @@ def test_the_worst_that_is_known_comes_first(sample: ual.Telemetry, refused: str
 @pytest.mark.parametrize(
     ("said", "level", "text"),
     [
-        (health.Said(lease="held"), health.OK, "FLYING_AUTO"),
-        (health.Said(lease="lost: not kept for 2 s"), health.WARN, "lease lost: not kept for 2 s"),
-        (health.Said(lease="not held: base holds it"), health.WARN, "lease not held: base holds it"),
-        (health.Said(other_nodes=1), health.WARN, "1 more node(s) offer this UAV"),
-        (health.Said(velocity_senders=("/a", "/b")), health.WARN, "2 nodes publish velocities: /a, /b."),
-        (health.Said(velocity_senders=("/a",)), health.OK, "FLYING_AUTO"),
-        (health.Said(clock="simulated time stands"), health.WARN, "simulated time stands"),
+        (health.ConnectionReport(lease="held"), health.OK, "FLYING_AUTO"),
+        (health.ConnectionReport(lease="lost: not kept for 2 s"), health.WARN, "lease lost: not kept for 2 s"),
+        (health.ConnectionReport(lease="not held: base holds it"), health.WARN, "lease not held: base holds it"),
+        (health.ConnectionReport(other_nodes=1), health.WARN, "1 more node(s) offer this UAV"),
+        (health.ConnectionReport(velocity_senders=("/a", "/b")), health.WARN, "2 nodes publish velocities: /a, /b."),
+        (health.ConnectionReport(velocity_senders=("/a",)), health.OK, "FLYING_AUTO"),
+        (health.ConnectionReport(clock="simulated time stands"), health.WARN, "simulated time stands"),
     ],
 )
-def test_what_the_node_lacks_is_a_warning(said: health.Said, level: int, text: str) -> None:
+def test_what_the_node_lacks_is_a_warning(said: health.ConnectionReport, level: int, text: str) -> None:
     status = health.of(ual.Telemetry(ual.State.FLYING_AUTO), said)
     assert status.level == level
     assert status.message.startswith(text)
@@ -745,6 +745,6 @@ def test_what_the_node_lacks_is_a_warning(said: health.Said, level: int, text: s
 
 
 def test_silence_is_an_error() -> None:
-    status = health.silent("the daemon tells nothing", health.Said(address="host:1", lease="held"))
+    status = health.silent("the daemon tells nothing", health.ConnectionReport(address="host:1", lease="held"))
     assert (status.level, status.message) == (health.ERROR, "the daemon tells nothing")
     assert (status.values["address"], status.values["lease"]) == ("host:1", "held")

@@ -18,7 +18,7 @@ from ual.geometry import Quaternion, Transform, Vector3
 from ual.gimbals import GimbalInfo, GimbalStatus
 from ual.gripper import Equipment, GripperInfo, GripperState
 from ual.recording import carried
-from ual.recording.carried import Carried
+from ual.recording.carried import PayloadRecorder
 from ual.recording.reader import Recording
 from ual.recording.recorder import Recorder, Turnover
 from ual.types import Frame
@@ -93,10 +93,10 @@ def recorder(tmp_path: Path) -> Iterator[Recorder]:
     made.close()
 
 
-def record(recorder: Recorder, gimbals: Gimbals, gripper: Gripper, is_done: Callable[[], bool]) -> Carried:
+def record(recorder: Recorder, gimbals: Gimbals, gripper: Gripper, is_done: Callable[[], bool]) -> PayloadRecorder:
     of_gimbals: Any = gimbals
     of_gripper: Any = gripper
-    recorded = Carried("uav_1", of_gimbals, of_gripper, frames, recorder)
+    recorded = PayloadRecorder("uav_1", of_gimbals, of_gripper, frames, recorder)
     recorded.start()
     until(is_done, "all was asked")
     recorded.close()
@@ -131,7 +131,7 @@ def test_a_gimbal_that_is_silent_is_watched_again_once_it_answers(recorder: Reco
     gimbals = Gimbals()
     of_gimbals: Any = gimbals
     of_gripper: Any = Gripper(NOT_OFFERED)
-    recorded = Carried("uav_1", of_gimbals, of_gripper, frames, recorder)
+    recorded = PayloadRecorder("uav_1", of_gimbals, of_gripper, frames, recorder)
     recorded.start()
     until(lambda: gimbals.asked_count > 2, "it was watched in vain")
     gimbals.statuses.append(GimbalStatus(100.0, in_body=DOWN))
@@ -154,7 +154,7 @@ def test_each_file_has_the_states(tmp_path: Path) -> None:
     recorder.start()
     of_gimbals: Any = without_gimbals()
     of_gripper: Any = Gripper(holding(GripperState.OPEN))
-    recorded = Carried("uav_1", of_gimbals, of_gripper, frames, recorder)
+    recorded = PayloadRecorder("uav_1", of_gimbals, of_gripper, frames, recorder)
     recorded.start()
     until(lambda: sum(map(has_states, tmp_path.glob("*.mcap"))) > 1, "two files have them")
     recorded.close()
@@ -174,7 +174,7 @@ def test_a_uav_that_can_carry_nothing_is_asked_once_and_has_no_topic(recorder: R
     gimbals, gripper = without_gimbals(), Gripper(NOT_OFFERED)
     of_gimbals: Any = gimbals
     of_gripper: Any = gripper
-    recorded = Carried("uav_1", of_gimbals, of_gripper, frames, recorder)
+    recorded = PayloadRecorder("uav_1", of_gimbals, of_gripper, frames, recorder)
     recorded.start()
     until(lambda: not any(each.is_alive() for each in recorded._threads), "its threads end by themselves")
     assert (gimbals.asked_count, gripper.asked_count) == (1, 1)
@@ -208,7 +208,7 @@ def test_a_gimbal_that_is_found_as_the_recording_closes_is_not_watched(recorder:
     gimbals = Late(GimbalStatus(100.0, in_body=DOWN))
     of_gimbals: Any = gimbals
     of_gripper: Any = Gripper(NOT_OFFERED)
-    recorded = Carried("uav_1", of_gimbals, of_gripper, frames, recorder)
+    recorded = PayloadRecorder("uav_1", of_gimbals, of_gripper, frames, recorder)
     recorded.start()
     assert asked.wait(LIMIT_S)
     recorded.close(0.0)

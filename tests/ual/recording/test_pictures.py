@@ -17,7 +17,7 @@ from ual.cameras import CameraAbility, CameraInfo, CameraIntrinsics, Image, Imag
 from ual.errors import UalTimeoutError
 from ual.geometry import Pose, PoseStamped, Quaternion, Vector3
 from ual.recording import pictures
-from ual.recording.pictures import Pictures
+from ual.recording.pictures import PictureRecorder
 from ual.recording.reader import Recording
 from ual.recording.recorder import Recorder
 from ual.v1 import camera_pb2 as pb
@@ -81,10 +81,10 @@ def recorder(tmp_path: Path) -> Iterator[Recorder]:
     made.close()
 
 
-def record(camera: Camera, recorder: Recorder, count: int) -> Pictures:
+def record(camera: Camera, recorder: Recorder, count: int) -> PictureRecorder:
     """Records until so many pictures are told that are taken meanwhile."""
     cameras: Any = Cameras(camera)
-    recorded = Pictures("uav_1", cameras, recorder)
+    recorded = PictureRecorder("uav_1", cameras, recorder)
     recorded.start()
     for _ in range(count):
         camera.take()
@@ -146,7 +146,7 @@ def test_the_pictures_of_a_daemon_that_was_started_anew_are_recorded(recorder: R
     """Their numbers begin again: the second daemon takes fewer, as many and more than the first."""
     camera = Camera(CameraAbility.PHOTO)
     cameras: Any = Cameras(camera)
-    recorded = Pictures("uav_1", cameras, recorder)
+    recorded = PictureRecorder("uav_1", cameras, recorder)
     recorded.start()
     told = 0
 
@@ -167,7 +167,7 @@ def test_the_pictures_of_a_daemon_that_was_started_anew_are_recorded(recorder: R
 def test_what_was_not_fetched_before_the_end_is_told_without_its_bytes(recorder: Recorder) -> None:
     camera = Camera(CameraAbility.IMAGE)
     cameras: Any = Cameras(camera)
-    recorded = Pictures("uav_1", cameras, recorder)
+    recorded = PictureRecorder("uav_1", cameras, recorder)
 
     def while_it_ends(number: int) -> Image:
         camera.take()

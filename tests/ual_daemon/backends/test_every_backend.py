@@ -98,7 +98,7 @@ def test_all_are_here() -> None:
 
 
 def test_each_update_says_when_the_backend_last_looked_for_data(watched: Watched) -> None:
-    """Else the guard against a starved computer (`SetpointSender`) is off."""
+    """Else the guard against a starved computer (`AirsimSetpointSender`) is off."""
     watched.until(watched.is_heard)
     heard_count = len(watched.updates)
     watched.until(lambda: len(watched.updates) > heard_count + 20)

@@ -28,11 +28,11 @@ from ual_daemon.backends.values import Cause, Control, Mode, PositionSetpoint, S
 from ual_daemon.flight import flight as flight_module
 from ual_daemon.flight import setpoint_sender, stepper
 from ual_daemon.flight.autopilot_command import AutopilotCommand
-from ual_daemon.flight.flight import Flight, Order
-from ual_daemon.flight.flown import Flown
+from ual_daemon.flight.flight import CommandOrigin, Flight
+from ual_daemon.flight.flown import CurrentManoeuvre
 from ual_daemon.flight.manoeuvres import fly_reference
 from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Manoeuvre, Step
-from ual_daemon.flight.policy.geofence import Geofence
+from ual_daemon.flight.policy.geofence import GeofencePolicy
 from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import VehicleTask
@@ -70,7 +70,7 @@ class Wire:
         return Future()
 
 
-class SeenFlown(Flown):
+class SeenFlown(CurrentManoeuvre):
     """Keeps all that was flown, in its order."""
 
     def __init__(self) -> None:
@@ -147,16 +147,16 @@ class World:
         assert not must_fail
 
     def go(self) -> None:
-        self._given(partial(self.flight.begin, Scripted(self._new_task(), self._x_m(), 2), Order()))
+        self._given(partial(self.flight.begin, Scripted(self._new_task(), self._x_m(), 2), CommandOrigin()))
 
     def go_in_two_parts(self) -> None:
         task = self._new_task()
         second = Scripted(task, self._x_m(), 1)
-        self._given(partial(self.flight.begin, Scripted(task, self._x_m(), 2, second), Order()))
+        self._given(partial(self.flight.begin, Scripted(task, self._x_m(), 2, second), CommandOrigin()))
 
     def set_pose(self) -> None:
         hold = Hold(Vector3(self._x_m(), 0.0, HEIGHT_M), 0.0)
-        self._given(partial(self.flight.begin_reference, hold, "set_pose", self.wire.now, Order()))
+        self._given(partial(self.flight.begin_reference, hold, "set_pose", self.wire.now, CommandOrigin()))
 
     def cancel_newest(self) -> None:
         if self.tasks:
@@ -308,7 +308,7 @@ def test_what_ends_a_task_as_it_commands_the_autopilot_withdraws_that(vehicle: V
     world = World(vehicle)
     world.flown.lock = threading.Lock()
     commanding = Commanding(world._new_task(), getattr(world, end, lambda: None))
-    world.flight.begin(commanding, Order())
+    world.flight.begin(commanding, CommandOrigin())
     world.update()
     assert commanding.acknowledgement.cancelled() is (end != "nothing")
 
@@ -317,7 +317,7 @@ class Refitted(Scripted):
     """Ends as the world changes, for which the autopilot is to hold by itself: a take-off that it flies by itself."""
 
     @override
-    def fit(self, snapshot: Snapshot, limits: CurrentLimits, geofence: Geofence) -> Step:
+    def fit(self, snapshot: Snapshot, limits: CurrentLimits, geofence: GeofencePolicy) -> Step:
         return Step(has_ended=True, error=GeofenceError("this has changed in flight"), is_autopilot_to_hold=True)
 
 
@@ -328,7 +328,7 @@ def test_the_autopilot_is_not_told_to_hold_over_a_pilot_who_has_just_taken_over(
     """The world changed in the half second in which it is found out who has chosen the mode."""
     world = World(vehicle)
     world.flown.lock = threading.Lock()
-    world.flight.begin(Refitted(world._new_task(), 1.0, 2), Order())
+    world.flight.begin(Refitted(world._new_task(), 1.0, 2), CommandOrigin())
     if is_taken:
         pilots = Sample(Mode("LOITER", Control.OTHER), world.wire.now.time_s)
         world.wire.now = changed(world.wire.now, mode=pilots, held_by=Cause.OPEN)

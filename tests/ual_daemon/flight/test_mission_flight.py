@@ -21,12 +21,12 @@ from ual_daemon.backends.offers.missions import KeptMission, MissionReport
 from ual_daemon.backends.offers.parameters import UndecidedError
 from ual_daemon.backends.values import Cause, Control, LandedState, Setpoint, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
-from ual_daemon.flight.flight import Flight, Order
+from ual_daemon.flight.flight import CommandOrigin, Flight
 from ual_daemon.flight.manoeuvres.autopilot_mission import AutopilotMission
-from ual_daemon.flight.manoeuvres.land import Land
+from ual_daemon.flight.manoeuvres.land import LandManoeuvre
 from ual_daemon.flight.manoeuvres.recover import RecoverFirst
 from ual_daemon.flight.policy.authority import LONGEST_GAP_S
-from ual_daemon.flight.policy.geofence import Geofence
+from ual_daemon.flight.policy.geofence import GeofencePolicy
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.settings import LimitSettings, VehicleSettings
 from ual_daemon.tracker.limits import CurrentLimits
@@ -81,12 +81,12 @@ class World:
         self.wire = Wire(landed)
         backend = cast("Backend", self.wire)
         self.limits = CurrentLimits(backend, LimitSettings())
-        geofence = Geofence(None, FrameResolver("uav_1", VehicleSettings()))
+        geofence = GeofencePolicy(None, FrameResolver("uav_1", VehicleSettings()))
         self.flight = Flight(backend, self.limits, geofence)
         self.autopilot = self.wire.autopilot
         task, ends = self.autopilot.task(TaskKind.MISSION), lambda _: pytest.fail("it has not ended")
         mission = AutopilotMission(task, backend, Missions(), kept, 1, None, ends, self.flight.authority.begin)
-        self.flight.begin(mission, Order())
+        self.flight.begin(mission, CommandOrigin())
         self.mission, self.offer = mission, cast("Missions", mission._offer)
         self.run(0.5)
         assert self.flight.is_on_mission
@@ -119,7 +119,7 @@ class World:
             lambda _: None,
             lambda now: pytest.fail(f"it has not recovered at {now.time_s}"),
         )
-        self.flight.begin(recover, Order(), snapshot)
+        self.flight.begin(recover, CommandOrigin(), snapshot)
         recover.send(snapshot)
         return recover
 
@@ -135,7 +135,7 @@ def abort(world: World, judged: Snapshot) -> None:
     """As `Commands.abort` does, by a snapshot in which the state was FLYING_AUTO."""
     stop = world.flight.mission_stop("abort", judged)
     assert stop is not None
-    world.flight.begin(stop.manoeuvre, Order(), judged)
+    world.flight.begin(stop.manoeuvre, CommandOrigin(), judged)
     stop.begin()
 
 
@@ -224,7 +224,10 @@ def test_a_landing_that_is_a_fall_fails_whenever_its_mode_comes(steps: int) -> N
     world.autopilot.control, world.autopilot.mode = Control.REFERENCES, "GUIDED"
     world.run(0.5)
     task, snapshot = world.autopilot.task(TaskKind.LAND), world.wire.snapshot()
-    world.flight.begin(Land(task, AutopilotCommand("land"), Hold(Vector3(z=world.autopilot.z), 0.0), snapshot), Order())
+    world.flight.begin(
+        LandManoeuvre(task, AutopilotCommand("land"), Hold(Vector3(z=world.autopilot.z), 0.0), snapshot),
+        CommandOrigin(),
+    )
     world.run(0.5)
     for step in range(round(1.0 / STEP_S)):
         if step == steps:
@@ -474,7 +477,7 @@ def test_a_failsafe_for_the_lost_position_is_not_overruled_but_its_mission_is_st
     for _ in range(3):  # who aborts repeats it
         stop = world.flight.mission_stop("abort", world.wire.snapshot())
         assert stop is not None
-        world.flight.begin(stop.manoeuvre, Order(), world.wire.snapshot())
+        world.flight.begin(stop.manoeuvre, CommandOrigin(), world.wire.snapshot())
         world.run(1.0)
     if goes_back:
         world.autopilot.mode, world.autopilot.held_by = "MISSION", None
@@ -542,7 +545,7 @@ def test_a_reference_is_told_whether_the_mission_is_flown_or_being_stopped(
         world.flight.stop_for_lease("its program has released the lease")
     snapshot = world.wire.snapshot()
     with pytest.raises(WrongStateError, match=text):
-        world.flight.begin_reference(Hold(Vector3(0.0, 0.0, 5.0), 0.0), "set_pose", snapshot, Order())
+        world.flight.begin_reference(Hold(Vector3(0.0, 0.0, 5.0), 0.0), "set_pose", snapshot, CommandOrigin())
 
 
 def starting(world: World) -> AutopilotMission:
@@ -568,7 +571,7 @@ def test_a_pilot_who_goes_back_to_the_mode_in_which_it_began_on_the_ground_is_na
     task, ends = world.autopilot.task(TaskKind.MISSION), lambda _: pytest.fail("it has not ended")
     backend = cast("Backend", world.wire)
     mission = AutopilotMission(task, backend, world.offer, KEPT, 1, None, ends, world.flight.authority.begin)
-    world.flight.begin(mission, Order())
+    world.flight.begin(mission, CommandOrigin())
     world.run(0.2)
     world.autopilot.mode = world.offer.mode
     world.run(0.2)
@@ -585,7 +588,7 @@ def test_the_hold_of_a_pause_that_shows_after_the_next_start_is_not_told_as_othe
         task, ends = world.autopilot.task(TaskKind.MISSION), lambda _: pytest.fail("it has not ended")
         backend = cast("Backend", world.wire)
         mission = AutopilotMission(task, backend, world.offer, KEPT, 1, None, ends, world.flight.authority.begin)
-        world.flight.begin(mission, Order())
+        world.flight.begin(mission, CommandOrigin())
         return mission
 
     world.flight.pause()
@@ -607,12 +610,12 @@ def test_the_hold_of_a_pause_that_shows_after_the_next_start_is_not_told_as_othe
 def test_a_stream_does_not_replace_a_mission_that_is_being_started(world: World, stream: str) -> None:
     """On PX4 a stream that ran at the start replaced the mission just then."""
     mission, hold = starting(world), Hold(Vector3(0.0, 0.0, 5.0), 0.0)
-    world.flight.begin(mission, Order())
+    world.flight.begin(mission, CommandOrigin())
     world.run(0.2)
     with pytest.raises(WrongStateError, match=r"stop it first \(abort\)"):
-        world.flight.begin_reference(hold, stream, world.wire.snapshot(), Order())
+        world.flight.begin_reference(hold, stream, world.wire.snapshot(), CommandOrigin())
     assert world.flight.manoeuvre is mission
-    world.flight.begin_reference(hold, "abort", world.wire.snapshot(), Order())
+    world.flight.begin_reference(hold, "abort", world.wire.snapshot(), CommandOrigin())
     with pytest.raises(TaskAbortedError, match="cancelled"):
         mission.future.result(0)
 
@@ -622,7 +625,7 @@ def test_a_velocity_that_goes_on_is_no_command_after_the_start(world: World, bef
     """On ArduCopter, where the mission is read for 0.7 s first, the start was replaced by the stream that ran."""
 
     def send(reference: Reference, by: str) -> None:
-        world.flight.begin_reference(reference, by, world.wire.snapshot(), Order())
+        world.flight.begin_reference(reference, by, world.wire.snapshot(), CommandOrigin())
 
     def velocity() -> Velocity:
         return Velocity(Twist(), world.flight.drift, in_body=False, expires_s=world.autopilot.time_s + 0.5)
@@ -635,11 +638,11 @@ def test_a_velocity_that_goes_on_is_no_command_after_the_start(world: World, bef
     for _ in range(3):
         send(velocity(), "set_velocity")
     if before == "velocity":
-        world.flight.begin(mission, Order("", since))
+        world.flight.begin(mission, CommandOrigin("", since))
         assert world.flight.manoeuvre is mission
     else:
         with pytest.raises(TaskAbortedError, match="replaced by set_velocity, while it was planned"):
-            world.flight.begin(mission, Order("", since))
+            world.flight.begin(mission, CommandOrigin("", since))
 
 
 @pytest.mark.parametrize("is_held", [True, False])

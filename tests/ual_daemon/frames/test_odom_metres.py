@@ -15,7 +15,7 @@ from tests.ual_daemon.stepped import stepped
 from ual.geometry import IDENTITY, PointStamped, Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3
 from ual.types import AltitudeReference, GeoWaypoint
 from ual_daemon.backends.values import Condition, EarthReference, Estimator, MotionState, Sample, Snapshot
-from ual_daemon.flight.policy.geofence import Geofence
+from ual_daemon.flight.policy.geofence import GeofencePolicy
 from ual_daemon.frames.odom_metres import EarthMetres
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.frames.tree import MAP
@@ -169,7 +169,7 @@ def test_a_fence_in_map_is_one_place_on_earth(kind: type[Projection]) -> None:
     settings = GeofenceSettings(polygon=polygon, frame_id=MAP, min_height_m=0.0, max_height_m=50.0)
     for place in (Vector3(), Vector3(-5_000.0, 0.0, 10.0)):
         uav = Placed(kind, (50.0, 8.0, 30.0), place, Vector3())
-        fence = Geofence(settings, uav.frames).fence(uav.at())
+        fence = GeofencePolicy(settings, uav.frames).fence(uav.at())
         assert fence.lowest_m == pytest.approx(-place.z)
         for (x, y), corner in zip(polygon, fence.corners, strict=True):
             assert (uav.truth(Vector3(*corner, -place.z)) - Vector3(x, y, 0.0)).norm() <= 2.0 * MEET_M

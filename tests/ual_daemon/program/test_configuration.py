@@ -9,7 +9,7 @@ import yaml
 
 from ual import discovery
 from ual_daemon.program import configuration, configuration_yaml
-from ual_daemon.program.configuration import Configuration, ConfigurationError, FlagSource, Source
+from ual_daemon.program.configuration import Configuration, ConfigurationError, FlagSource, ValuesSource
 from ual_daemon.settings import ConfigError
 
 BACKENDS = ("light", "mavlink")
@@ -42,7 +42,7 @@ def test_nothing_given_is_a_light_uav_on_loopback() -> None:
 
 @pytest.mark.parametrize(("ns", "port"), [("uav_2", 50052), ("uav_12", 50062), ("hawk", 50051), ("uav2", 50051)])
 def test_the_default_port_follows_from_the_namespace(ns: str, port: int) -> None:
-    assert configuration.resolve([Source({"ns": ns})], BACKENDS).listen == (f"{discovery.LOOPBACK}:{port}",)
+    assert configuration.resolve([ValuesSource({"ns": ns})], BACKENDS).listen == (f"{discovery.LOOPBACK}:{port}",)
 
 
 def test_a_file_has_everything(file: Path) -> None:
@@ -73,8 +73,8 @@ def test_an_empty_file_is_no_settings(file: Path) -> None:
 
 
 def test_later_sources_win_key_by_key() -> None:
-    below = Source({"ns": "uav_1", "limits": {"climb_speed_m_s": 1.0, "descent_speed_m_s": 1.0}})
-    above = Source({"limits": {"climb_speed_m_s": 2.0}})
+    below = ValuesSource({"ns": "uav_1", "limits": {"climb_speed_m_s": 1.0, "descent_speed_m_s": 1.0}})
+    above = ValuesSource({"limits": {"climb_speed_m_s": 2.0}})
     found = configuration.resolve([below, above], BACKENDS)
     assert found.daemon.ns == "uav_1"
     assert (found.vehicle.limits.climb_speed_m_s, found.vehicle.limits.descent_speed_m_s) == (2.0, 1.0)

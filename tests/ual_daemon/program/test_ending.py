@@ -16,7 +16,7 @@ from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.light import LightBackend
 from ual_daemon.backends.light.world import World
 from ual_daemon.program import ending
-from ual_daemon.program.daemon import Daemon, Uav
+from ual_daemon.program.daemon import Daemon, DaemonUav
 from ual_daemon.program.namespace import Namespace
 from ual_daemon.program.supervision import Supervision
 from ual_daemon.server.addresses import parse
@@ -79,7 +79,7 @@ def test_a_fleet_ends_at_any_time_of_its_start(end_at: str, told: list[str]) -> 
         for ns in ("uav_1", "uav_2", "uav_3"):
             interface = UAL.over(Vehicle(LightBackend(BackendOptions(ns), world)), {})
             namespace = held.enter_context(Namespace(ns))
-            uavs.append(Uav(interface.vehicle, namespace, [parse("127.0.0.1:0")], interface))
+            uavs.append(DaemonUav(interface.vehicle, namespace, [parse("127.0.0.1:0")], interface))
         assert asyncio.run(Daemon(uavs, supervision=watcher).run())
     assert watcher.told == told
     assert not discovery.list_daemons()

@@ -9,7 +9,7 @@ from typing import Any
 from tests.ual_daemon.backends.mavlink.traces import Trace
 from tests.ual_daemon.stepped import at, stepped
 from ual.recording.file import File
-from ual.recording.recorder import Clock, Entry
+from ual.recording.recorder import Entry, SteadyUtc
 from ual.recording.telemetry import TelemetryTopics
 from ual.types import Telemetry
 from ual.wire import samples
@@ -21,7 +21,7 @@ BEGIN_S = 1.8e9
 
 def raw_recording(trace: Trace, path: Path) -> Path:
     """Writes the packets of a recorded flight as a recording."""
-    topics = PacketTopics("uav_1", Clock())
+    topics = PacketTopics("uav_1", SteadyUtc())
     file = File(path, {})
     for time_s, data in trace.frames:
         packet = Packet("mavlink", data, False, "127.0.0.1:14580", time_s, BEGIN_S + time_s)

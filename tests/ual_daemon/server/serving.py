@@ -12,7 +12,7 @@ import pytest
 
 from ual_daemon.server.calls import Calls
 from ual_daemon.server.transport import selection
-from ual_daemon.server.transport.base import Call, Options
+from ual_daemon.server.transport.base import Options, ServedCall
 
 GRACE_S = 15.0
 
@@ -33,7 +33,7 @@ async def serving(
 
 @asynccontextmanager
 async def taking(
-    choice: selection.Choice, take: Callable[[Call], None], options: Options = (("grpc.so_reuseport", 0),)
+    choice: selection.Choice, take: Callable[[ServedCall], None], options: Options = (("grpc.so_reuseport", 0),)
 ) -> AsyncIterator[str]:
     """Serves on a transport until the block ends; its address. Calls that still run then are cancelled."""
     transport = await selection.choose(choice)

@@ -7,11 +7,11 @@ from collections.abc import Callable
 import grpc
 from typing_extensions import override
 
-from ual_daemon.server.call_log import CallRecord, Observer, observed
-from ual_daemon.server.transport.base import Call, Metadata
+from ual_daemon.server.call_log import CallObserver, CallRecord, observed
+from ual_daemon.server.transport.base import Metadata, ServedCall
 
 
-class ScriptedCall(Call):
+class ScriptedCall(ServedCall):
     """A call whose caller is a test."""
 
     def __init__(self) -> None:
@@ -57,7 +57,7 @@ class ScriptedCall(Call):
         self.is_finished = True
 
 
-class Notes(Observer):
+class Notes(CallObserver):
     """Keeps what is observed."""
 
     def __init__(self) -> None:
@@ -74,9 +74,9 @@ class Notes(Observer):
         self.before.append(before)
 
 
-def begun() -> tuple[ScriptedCall, Call, list[CallRecord]]:
+def begun() -> tuple[ScriptedCall, ServedCall, list[CallRecord]]:
     """A call, the same as the server sees it, and what is observed of it."""
-    taken: list[Call] = []
+    taken: list[ServedCall] = []
     call, notes = ScriptedCall(), Notes()
     observed(taken.append, [notes])(call)
     return call, taken[0], notes.records
@@ -129,7 +129,7 @@ def test_the_messages_of_streams_are_counted() -> None:
 
 
 def test_what_was_before_the_request_is_handed_back_with_each_record() -> None:
-    taken: list[Call] = []
+    taken: list[ServedCall] = []
     call, notes = ScriptedCall(), Notes()
     observed(taken.append, [notes])(call)
     taken[0].receive(lambda _: taken[0].watch(lambda: None))
@@ -138,7 +138,7 @@ def test_what_was_before_the_request_is_handed_back_with_each_record() -> None:
     assert notes.before == [f"before {call.method}"] * 2
 
 
-class Defective(Observer):
+class Defective(CallObserver):
     """Can observe nothing."""
 
     @override
@@ -151,7 +151,7 @@ class Defective(Observer):
 
 
 def test_an_observer_that_fails_keeps_no_call_and_no_other_observer_from_its_end() -> None:
-    taken: list[Call] = []
+    taken: list[ServedCall] = []
     call, notes = ScriptedCall(), Notes()
     observed(taken.append, [Defective(), notes])(call)
     [seen] = taken

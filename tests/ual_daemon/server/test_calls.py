@@ -38,7 +38,7 @@ from ual_daemon.server.access.policy import Access
 from ual_daemon.server.calls import MOST_OF_ONE_METHOD, MOST_WITHOUT_REQUEST, Calls
 from ual_daemon.server.server import NEEDED_TO_LAND
 from ual_daemon.server.telemetry_stream import Updates
-from ual_daemon.server.transport.base import Call
+from ual_daemon.server.transport.base import ServedCall
 from ual_daemon.server.transport.selection import Choice
 from ual_daemon.server.uav_service import UalServicer
 from ual_daemon.vehicle.vehicle import Vehicle
@@ -121,7 +121,7 @@ class FakeAccess(Access):
         super().__init__()
         self.is_revoked = False
 
-    def identify(self, call: Call) -> Caller:
+    def identify(self, call: ServedCall) -> Caller:
         if self.is_revoked:
             raise UnauthenticatedError("revoked")
         return Caller("field", Role.PILOT, is_named=True)

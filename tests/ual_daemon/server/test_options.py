@@ -19,7 +19,7 @@ from ual.v1 import ual_pb2_grpc
 from ual_daemon.server import server
 from ual_daemon.server.calls import Calls
 from ual_daemon.server.telemetry_stream import Updates
-from ual_daemon.server.transport.base import Call
+from ual_daemon.server.transport.base import ServedCall
 from ual_daemon.server.transport.selection import Choice
 from ual_daemon.server.uav_service import UalServicer
 from ual_daemon.vehicle.vehicle import Vehicle
@@ -37,10 +37,10 @@ async def idle(channel: grpc.aio.Channel) -> None:
         await channel.wait_for_state_change(state)
 
 
-def attack(address: str, streams: range, *, is_reset: bool) -> http2.Peer:
+def attack(address: str, streams: range, *, is_reset: bool) -> http2.Http2Peer:
     """One connection that opens calls, and resets each at once."""
     host, _, port = address.partition(":")
-    peer = http2.Peer(host, int(port))
+    peer = http2.Http2Peer(host, int(port))
     headers = http2.request("/a.B/Attack")
     for number in streams:
         peer.send(http2.frame(http2.HEADERS, http2.END_HEADERS, 2 * number + 1, headers))
@@ -51,9 +51,9 @@ def attack(address: str, streams: range, *, is_reset: bool) -> http2.Peer:
 
 def test_calls_of_one_connection_beyond_the_limit_never_reach_python(transport: Choice) -> None:
     async def run() -> None:
-        taken: list[Call] = []
+        taken: list[ServedCall] = []
 
-        def take(call: Call) -> None:
+        def take(call: ServedCall) -> None:
             if call.method == _PROBE:
                 call.finish(b"")
             else:
@@ -93,9 +93,9 @@ def test_idle_connections_end_and_calls_on_them_come_through_again(transport: Ch
 
 def test_a_connection_with_an_open_stream_is_not_idle(transport: Choice) -> None:
     async def run() -> None:
-        held: list[Call] = []
+        held: list[ServedCall] = []
 
-        def take(call: Call) -> None:
+        def take(call: ServedCall) -> None:
             if call.method == _PROBE:
                 call.finish(b"")
                 return

@@ -11,7 +11,7 @@ from tests.waiting import until_async
 from ual.types import State, Telemetry
 from ual.v1 import ual_pb2 as pb
 from ual_daemon.server.packing import TelemetryPacker
-from ual_daemon.server.telemetry_stream import LoopCalls, PackedTelemetry, Reader, Updates
+from ual_daemon.server.telemetry_stream import LoopCalls, PackedTelemetry, TelemetryReader, Updates
 from ual_daemon.vehicle.vehicle import Vehicle
 
 
@@ -89,7 +89,7 @@ def sample(sequence: int) -> PackedTelemetry:
 def read_all(rate_hz: float, period_s: float, count: int, read_every: int = 1) -> list[tuple[int, int]]:
     """Offers samples 1 to `count`, one each `period_s`, to a reader whose messages get out at every `read_every`th."""
     clock, receiver = Clock(), Receiver()
-    reader = Reader(rate_hz, sample(0), receiver.send, clock)
+    reader = TelemetryReader(rate_hz, sample(0), receiver.send, clock)
     receiver.take()
     for sequence in range(1, count + 1):
         clock.now_s += period_s
@@ -131,7 +131,7 @@ def test_what_readers_missed_is_counted_also_of_those_that_are_gone() -> None:
 
 def test_what_is_sent_to_one_who_is_gone_ends_it_quietly() -> None:
     receiver = Receiver()
-    reader = Reader(0.0, sample(0), receiver.send)
+    reader = TelemetryReader(0.0, sample(0), receiver.send)
     reader.offer(sample(1))
     receiver.take(is_out=False)
     assert receiver.found == [(0, 0)]
@@ -209,7 +209,7 @@ def test_a_sample_is_packed_once_for_all_readers(monkeypatch: pytest.MonkeyPatch
 
     monkeypatch.setattr(TelemetryPacker, "pack", counted)
     one, other = Receiver(), Receiver()
-    readers = [Reader(0.0, first, receiver.send) for first, receiver in ((sample(0), one), (sample(0), other))]
+    readers = [TelemetryReader(0.0, first, receiver.send) for first, receiver in ((sample(0), one), (sample(0), other))]
     one.take()
     other.take()
     newest = sample(3)

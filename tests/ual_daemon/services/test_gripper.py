@@ -98,7 +98,7 @@ class Vehicle:
 
     def __init__(self, offer: MadeUp | None, payload: PayloadSettings = PAYLOAD) -> None:
         self._offer = offer
-        self.equipment = equipment.Equipment(payload)
+        self.equipment = equipment.PayloadEquipment(payload)
         self.is_watch_only = False
         self.leases: list[tuple[str, str]] = []
         self.is_leased = False

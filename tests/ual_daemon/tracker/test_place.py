@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from ual.geometry import Vector3
 from ual_daemon.backends.values import VelocityResponse
 from ual_daemon.tracker import place
-from ual_daemon.tracker.place import ExpectedMotion, Place, Seen
+from ual_daemon.tracker.place import ExpectedMotion, MotionEstimate, VelocityPlace
 
 PARTS = st.floats(-8.0, 8.0)
 VECTORS = st.builds(Vector3, PARTS, PARTS, PARTS)
@@ -67,10 +67,10 @@ def test_time_passes_as_if_in_steps(
         assert (expected.velocity - slowly.v).norm() <= 1e-9
 
 
-class SlowPlace(Place):
+class SlowPlace(VelocityPlace):
     """The same, a vector at a time, and with each direction looked for in each step."""
 
-    def step(self, commanded: Vector3, seen: Seen, passed_s: float, response: VelocityResponse) -> Vector3:
+    def step(self, commanded: Vector3, seen: MotionEstimate, passed_s: float, response: VelocityResponse) -> Vector3:
         here, velocity, error = seen
         self._expected.advance(commanded, passed_s, response)
         self._find_free(commanded, here, velocity - error)
@@ -86,7 +86,7 @@ class SlowPlace(Place):
 @given(RESPONSES, st.integers(0, 10**6), st.sampled_from((0.3, 1.0, 3.0)))
 def test_what_is_added_is_what_vectors_show(response: VelocityResponse, seed: int, fast: float) -> None:
     """Also where a gust carries the UAV, and where something stops it."""
-    both = tuple(kind(ExpectedMotion(Vector3(), Vector3(), Vector3(), response)) for kind in (Place, SlowPlace))
+    both = tuple(kind(ExpectedMotion(Vector3(), Vector3(), Vector3(), response)) for kind in (VelocityPlace, SlowPlace))
     chance, here = Random(seed), Vector3()
     velocity = commanded = error = Vector3()
     is_stopped = False
@@ -100,6 +100,8 @@ def test_what_is_added_is_what_vectors_show(response: VelocityResponse, seed: in
         velocity += (commanded - velocity) * 0.1
         velocity = Vector3() if is_stopped else velocity
         here += velocity * 0.04
-        one, other = (each.step(commanded, Seen(here, velocity + error, error), 0.04, response) for each in both)
+        one, other = (
+            each.step(commanded, MotionEstimate(here, velocity + error, error), 0.04, response) for each in both
+        )
         assert (one - other).norm() <= 1e-9
         assert len(both[0]._free) == len(both[1]._free)

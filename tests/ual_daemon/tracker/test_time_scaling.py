@@ -18,7 +18,7 @@ from ual.types import Limits, PathHeading
 from ual_daemon.backends.values import MotionState, Sample, Setpoint, Snapshot
 from ual_daemon.tracker.references import TrajectoryReference
 from ual_daemon.tracker.time_scaling import TimeScaling, scaled
-from ual_daemon.trajectory import Brake, Line, Motion, Trajectory, Waypoint, path
+from ual_daemon.trajectory import Brake, Motion, PathWaypoint, StraightLine, Trajectory, path
 
 LIMITS = Limits()
 SLACK = 2e-3
@@ -46,19 +46,21 @@ def sent_motions(trajectory: Trajectory, lag: Random, duration_s: float) -> list
 @settings(max_examples=10)
 @given(vectors(60.0), st.integers(0, 10_000), LIMIT_SETS)
 def test_a_line_that_waits_keeps_its_limits(goal: Vector3, seed: int, limits: Limits) -> None:
-    assert_kept(sent_motions(Line(Motion(Vector3(), 0.0), goal, 2.0, limits), Random(seed), 20.0), limits, slack=SLACK)
+    assert_kept(
+        sent_motions(StraightLine(Motion(Vector3(), 0.0), goal, 2.0, limits), Random(seed), 20.0), limits, slack=SLACK
+    )
 
 
 @settings(max_examples=15)
 @given(
-    st.lists(st.builds(Waypoint, vectors(15.0)), min_size=2, max_size=5),
+    st.lists(st.builds(PathWaypoint, vectors(15.0)), min_size=2, max_size=5),
     st.integers(0, 10_000),
     st.sampled_from([0.0, 1.0, 5.0]),
     st.sampled_from(PathHeading),
     LIMIT_SETS,
 )
 def test_a_path_that_waits_keeps_its_limits(
-    goals: list[Waypoint], seed: int, radius_m: float, heading: PathHeading, limits: Limits
+    goals: list[PathWaypoint], seed: int, radius_m: float, heading: PathHeading, limits: Limits
 ) -> None:
     found = path(Motion(Vector3(), 0.0), goals, radius_m, limits, heading, Vector3(5.0, 5.0, 0.0))
     assert_kept(sent_motions(found, Random(seed), 20.0), limits, slack=SLACK)
@@ -90,7 +92,7 @@ FAST = Limits(horizontal_speed_m_s=10.0, horizontal_acceleration_m_s2=1.5)
 def test_it_stops_as_soon_as_straight_ahead_also_where_it_still_accelerates(
     share: float, yaw_rad: float, length_m: float
 ) -> None:
-    line = Line(Motion(Vector3(), 0.0), Vector3(length_m, 0.0, 0.0), yaw_rad, FAST)
+    line = StraightLine(Motion(Vector3(), 0.0), Vector3(length_m, 0.0, 0.0), yaw_rad, FAST)
     scaling, sent = TimeScaling(line), [line.at(0.0)]
     while scaling.time_s < share * line.duration_s:
         scaling.advance(STEP_S, math.inf, 1.0)
@@ -105,7 +107,7 @@ def test_it_stops_as_soon_as_straight_ahead_also_where_it_still_accelerates(
 
 
 def test_velocity_and_acceleration_are_the_derivatives_of_the_position_while_the_scale_changes() -> None:
-    line = Line(Motion(Vector3(), 0.0), Vector3(30.0, 0.0, 0.0), 1.0, LIMITS)
+    line = StraightLine(Motion(Vector3(), 0.0), Vector3(30.0, 0.0, 0.0), 1.0, LIMITS)
     scaling, step_s = TimeScaling(line), 1e-3
     motions = []
     for index in range(6000):
@@ -156,9 +158,9 @@ def paused_motions(follow: TrajectoryReference, spans: list[tuple[float, float]]
 @settings(max_examples=25, phases=[Phase.explicit, Phase.generate])  # a failing path shrinks too slowly
 @example(  # a stop that braked so hard at its end that its time went back
     [
-        Waypoint(Vector3(1.3083922749333823, -0.19923241986130513, 1.0)),
-        Waypoint(Vector3(3.0, 0.35, 14.852242116456612)),
-        Waypoint(Vector3(-2.0, 0.0, 0.0)),
+        PathWaypoint(Vector3(1.3083922749333823, -0.19923241986130513, 1.0)),
+        PathWaypoint(Vector3(3.0, 0.35, 14.852242116456612)),
+        PathWaypoint(Vector3(-2.0, 0.0, 0.0)),
     ],
     [(0.06808755611244345, 1.9093882271943183)],
     1.0,
@@ -166,14 +168,14 @@ def paused_motions(follow: TrajectoryReference, spans: list[tuple[float, float]]
     Limits(10.402278515667643, 0.4, 0.30000000000000004, 1.9249100329739768, 0.99999, 1.8526259842789052),
 )
 @given(
-    st.lists(st.builds(Waypoint, vectors(15.0)), min_size=1, max_size=5),
+    st.lists(st.builds(PathWaypoint, vectors(15.0)), min_size=1, max_size=5),
     st.lists(st.tuples(st.floats(0.0, 6.0), st.floats(0.0, 6.0)), min_size=1, max_size=4),
     st.sampled_from([0.0, 1.0, 5.0]),
     st.sampled_from(PathHeading),
     LIMIT_SETS,
 )
 def test_a_pause_keeps_the_path_and_the_limits_and_is_flown_to_the_end(
-    goals: list[Waypoint], spans: list[tuple[float, float]], radius_m: float, heading: PathHeading, limits: Limits
+    goals: list[PathWaypoint], spans: list[tuple[float, float]], radius_m: float, heading: PathHeading, limits: Limits
 ) -> None:
     found = path(Motion(Vector3(), 0.0), goals, radius_m, limits, heading, Vector3(5.0, 5.0, 0.0))
     follow = Recorded(found, 0.0)

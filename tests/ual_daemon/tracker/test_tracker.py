@@ -19,7 +19,7 @@ from ual.geometry import PoseStamped, Vector3
 from ual.types import Limits, State, Telemetry
 from ual_daemon.backends.values import PositionSetpoint, Setpoint
 from ual_daemon.flight.tasks import VehicleTask
-from ual_daemon.trajectory import Motion, Waypoint, acceleration_limit, path, speed_limit
+from ual_daemon.trajectory import Motion, PathWaypoint, acceleration_limit, path, speed_limit
 from ual_daemon.trajectory.envelope import RAMP_S
 
 FAST = {
@@ -106,7 +106,7 @@ def test_a_zigzag_of_50_corners_at_3_m_s_stays_near_the_rounded_path(radius_m: f
     with flying(FAST) as uav:
         corners = [Vector3(4.0 * i, 3.0 * (i % 2), 5.0) for i in range(1, 52)]
         start = Motion(uav.pose.position, uav.pose.yaw_rad)
-        wanted = path(start, [Waypoint(corner) for corner in corners], radius_m, uav.vehicle.info().limits)
+        wanted = path(start, [PathWaypoint(corner) for corner in corners], radius_m, uav.vehicle.info().limits)
         line = [wanted.at(0.05 * i).position for i in range(int(wanted.duration_s / 0.05) + 2)]
         future = follow(uav, [at(c.x, c.y, c.z) for c in corners], radius_m).future
         uav.end(future, 400.0)

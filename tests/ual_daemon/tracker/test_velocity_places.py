@@ -18,7 +18,7 @@ from ual.geometry import Vector3
 from ual_daemon.backends.values import VelocityResponses
 from ual_daemon.tracker.place import MOST_CHANGE_M_S2, ExpectedMotion
 from ual_daemon.tracker.references import Hold, TrajectoryReference
-from ual_daemon.trajectory import Line, Motion, Waypoint, path
+from ual_daemon.trajectory import Motion, PathWaypoint, StraightLine, path
 
 BESIDE_M = 0.3
 MADE = 0.05
@@ -63,13 +63,13 @@ def hold(flown: Flown) -> None:
 
 def go_to(flown: Flown) -> None:
     hold(flown)
-    line = Line(Motion(Vector3(), 0.0), Vector3(30.0, -10.0, 2.0), 0.0, LIMITS)
+    line = StraightLine(Motion(Vector3(), 0.0), Vector3(30.0, -10.0, 2.0), 0.0, LIMITS)
     flown.fly(TrajectoryReference(line, flown.craft.now_s), 5.0)
 
 
 def corner(flown: Flown) -> None:
     hold(flown)
-    waypoints = [Waypoint(Vector3(6.0), 0.0), Waypoint(Vector3(6.0, 20.0), 0.0)]
+    waypoints = [PathWaypoint(Vector3(6.0), 0.0), PathWaypoint(Vector3(6.0, 20.0), 0.0)]
     chain = path(Motion(Vector3(), 0.0), waypoints, 3.0, LIMITS)
     flown.fly(TrajectoryReference(chain, flown.craft.now_s), _CORNER_AFTER_S)
 
@@ -190,7 +190,7 @@ def test_px4_brakes_out_of_a_fast_go_to_as_is_expected(drag_1_s: float, commande
     """Its integral, wound up while it brakes, held it 0.6 to 0.7 m before the place for seconds."""
     flown = Flown(Errors(drag_1_s=drag_1_s).craft(PX4))
     hold(flown)
-    line = Line(Motion(Vector3(), 0.0), Vector3(60.0), 0.0, replace(LIMITS, horizontal_speed_m_s=5.0))
+    line = StraightLine(Motion(Vector3(), 0.0), Vector3(60.0), 0.0, replace(LIMITS, horizontal_speed_m_s=5.0))
     reference = TrajectoryReference(line, flown.craft.now_s)
     flown.fly(reference, 6.0)
     before = reference.motion(flown.craft.snapshot())

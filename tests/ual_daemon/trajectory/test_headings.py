@@ -20,11 +20,11 @@ from tests.ual_daemon.trajectory.trajectories import (
 from ual.errors import InvalidArgumentError
 from ual.geometry import Vector3, wrap_angle
 from ual.types import Limits, PathHeading
-from ual_daemon.trajectory import Line, Motion, Trajectory, Waypoint, path
+from ual_daemon.trajectory import Motion, PathWaypoint, StraightLine, Trajectory, path
 
 LIMITS = Limits()
 SQUARE = waypoints((10, 0, 0), (10, 10, 0), (0, 10, 0), (0, 0, 0))
-PATHS = st.lists(st.builds(Waypoint, vectors(20.0), st.none() | ANGLES), min_size=1, max_size=6)
+PATHS = st.lists(st.builds(PathWaypoint, vectors(20.0), st.none() | ANGLES), min_size=1, max_size=6)
 
 
 def off(motion: Motion, yaw_rad: float) -> float:
@@ -57,13 +57,13 @@ def test_every_heading_keeps_the_limits_from_any_start(
     yaw: float,
     way: Vector3,
     share: float,
-    goals: list[Waypoint],
+    goals: list[PathWaypoint],
     radius_m: float,
     point: Vector3,
     over: int | None,
     limits: Limits,
 ) -> None:
-    line = Line(Motion(start, yaw), start + way, 1.0, limits)
+    line = StraightLine(Motion(start, yaw), start + way, 1.0, limits)
     now = line.at(share * line.duration_s)
     if over is not None:  # right above the point
         point = goals[over % len(goals)].position
@@ -78,7 +78,11 @@ def test_every_heading_keeps_the_limits_from_any_start(
 
 @pytest.mark.parametrize("radius_m", [0.0, 1.0])
 def test_by_waypoints_it_turns_in_step_with_each_leg(radius_m: float) -> None:
-    goals = [Waypoint(Vector3(10, 0, 0), 1.0), Waypoint(Vector3(10, 10, 0)), Waypoint(Vector3(0, 10, 0), -1.0)]
+    goals = [
+        PathWaypoint(Vector3(10, 0, 0), 1.0),
+        PathWaypoint(Vector3(10, 10, 0)),
+        PathWaypoint(Vector3(0, 10, 0), -1.0),
+    ]
     found = path(Motion(Vector3(), 0.5), goals, radius_m, LIMITS)
     for goal, yaw in zip(goals, (1.0, 1.0, -1.0), strict=True):
         nearest = min((m for _, m in moments(found, 4000)), key=lambda m: (m.position - goal.position).norm())
@@ -88,15 +92,15 @@ def test_by_waypoints_it_turns_in_step_with_each_leg(radius_m: float) -> None:
 
 
 def test_a_leg_that_is_too_short_for_its_turn_is_flown_slower() -> None:
-    turning = [Waypoint(Vector3(2.0 * i, 0, 0), 2.0 * (i % 2)) for i in range(1, 6)]
+    turning = [PathWaypoint(Vector3(2.0 * i, 0, 0), 2.0 * (i % 2)) for i in range(1, 6)]
     found = path(Motion(Vector3(), 0.0), turning, 0.5, LIMITS)
-    straight = path(Motion(Vector3(), 0.0), [Waypoint(goal.position) for goal in turning], 0.5, LIMITS)
+    straight = path(Motion(Vector3(), 0.0), [PathWaypoint(goal.position) for goal in turning], 0.5, LIMITS)
     assert found.duration_s > 1.5 * straight.duration_s
     assert_kept(sampled(found), LIMITS)
 
 
 def test_a_fixed_heading_stays_and_a_turn_that_the_start_is_in_ends() -> None:
-    goals = [Waypoint(goal.position, 2.0) for goal in SQUARE]
+    goals = [PathWaypoint(goal.position, 2.0) for goal in SQUARE]
     for radius_m in (0.0, 1.0):
         found = path(Motion(Vector3(), 0.5), goals, radius_m, LIMITS, PathHeading.FIXED)
         assert all(off(m, 0.5) == 0.0 for _, m in moments(found))
@@ -171,10 +175,10 @@ def test_above_the_point_it_turns_smoothly_and_faces_it_again_soon(aside_m: floa
 
 @given(vectors(20.0), ANGLES, PATHS, vectors(10.0))
 def test_a_path_to_the_point_itself_ends_and_stands_still(
-    start: Vector3, yaw: float, goals: list[Waypoint], point: Vector3
+    start: Vector3, yaw: float, goals: list[PathWaypoint], point: Vector3
 ) -> None:
     assume((start - point).norm() > 0.1)
-    found = path(Motion(start, yaw), [*goals, Waypoint(point)], 1.0, LIMITS, PathHeading.POINT_OF_INTEREST, point)
+    found = path(Motion(start, yaw), [*goals, PathWaypoint(point)], 1.0, LIMITS, PathHeading.POINT_OF_INTEREST, point)
     assert_rests_at(found.end(), point, found.end().yaw_rad)
     assert_kept(sampled(found), LIMITS)
 

@@ -25,7 +25,7 @@ from tests.ual_daemon.trajectory.trajectories import (
 )
 from ual.geometry import Vector3, wrap_angle
 from ual.types import Limits
-from ual_daemon.trajectory import Brake, Line, Motion, Trajectory, acceleration_limit, speed_limit
+from ual_daemon.trajectory import Brake, Motion, StraightLine, Trajectory, acceleration_limit, speed_limit
 from ual_daemon.trajectory.envelope import RAMP_S, speed_share
 
 LIMITS = Limits()
@@ -77,7 +77,7 @@ def test_the_speed_along_a_direction_is_the_largest_within_both_limits(way: Vect
 def test_a_line_from_rest_is_straight_within_limits_and_ends_at_rest_at_the_goal(
     start: Vector3, start_yaw: float, goal: Vector3, goal_yaw: float, limits: Limits
 ) -> None:
-    line = Line(Motion(start, start_yaw), goal, goal_yaw, limits)
+    line = StraightLine(Motion(start, start_yaw), goal, goal_yaw, limits)
     first = line.at(0.0)
     assert (first.position - start).norm() <= 1e-9
     assert wrap_angle(first.yaw_rad - start_yaw) == pytest.approx(0.0, abs=1e-9)
@@ -101,12 +101,12 @@ def test_a_line_is_as_fast_as_its_limits_allow(start: Vector3, goal: Vector3, li
     direction = way / way.norm()
     acceleration = acceleration_limit(direction, limits)
     best_s = time_optimal_s(way.norm(), speed_limit(direction, limits), acceleration, acceleration / RAMP_S)
-    assert Line(Motion(start, 1.0), goal, 1.0, limits).duration_s == pytest.approx(best_s, rel=1e-6)
+    assert StraightLine(Motion(start, 1.0), goal, 1.0, limits).duration_s == pytest.approx(best_s, rel=1e-6)
 
 
 @given(vectors(50.0), ANGLES, LIMIT_SETS)
 def test_the_heading_ends_with_the_line(goal: Vector3, yaw: float, limits: Limits) -> None:
-    line = Line(Motion(Vector3(), 0.0), goal, yaw, limits)
+    line = StraightLine(Motion(Vector3(), 0.0), goal, yaw, limits)
     assume(goal.norm() > 0.1)
     assume(abs(yaw) > 0.1)
     assume(line.duration_s < 600.0)
@@ -117,7 +117,7 @@ def test_the_heading_ends_with_the_line(goal: Vector3, yaw: float, limits: Limit
 
 @given(vectors(500.0), vectors(500.0), ANGLES, LIMIT_SETS)
 def test_a_line_never_goes_back(start: Vector3, goal: Vector3, yaw: float, limits: Limits) -> None:
-    line = Line(Motion(start, 0.0), goal, yaw, limits)
+    line = StraightLine(Motion(start, 0.0), goal, yaw, limits)
     left = [line.length_left_m(time_s) for time_s, _ in moments(line)]
     assert left[0] == pytest.approx((goal - start).norm(), abs=1e-9)
     assert left[-1] == 0.0
@@ -134,7 +134,7 @@ def test_a_line_from_any_motion_begins_with_it_keeps_the_limits_and_ends_at_rest
     goal_yaw: float,
     limits: Limits,
 ) -> None:
-    line = Line(Motion(start, 0.0, velocity, acceleration, yaw_rate, yaw_rate / 2), goal, goal_yaw, limits)
+    line = StraightLine(Motion(start, 0.0, velocity, acceleration, yaw_rate, yaw_rate / 2), goal, goal_yaw, limits)
     first = line.at(0.0)
     assert (first.position - start).norm() <= 1e-9
     assert (first.velocity - velocity).norm() <= 1e-9
@@ -156,7 +156,7 @@ def test_a_line_from_a_motion_along_it_or_back_is_straight_behind_its_bend(
     assume(goal.norm() > 0.01)
     direction = goal / goal.norm()
     velocity = direction * (share * speed_limit(direction, limits)) + aside * 1e-3
-    line = Line(Motion(Vector3(), 0.0, velocity), goal, 0.0, limits)
+    line = StraightLine(Motion(Vector3(), 0.0, velocity), goal, 0.0, limits)
     assert_straight_between_bends(line)
     begin_s, end_s = next(iter(line.bends_s()))
     assert end_s - begin_s <= line.duration_s
@@ -172,7 +172,7 @@ def test_goals_changed_every_300_ms_for_a_minute_make_no_step_beyond_the_limits(
     now, sent = Motion(Vector3(), 0.0), []
     for _ in range(200):
         goal = now.position + Vector3(*(random.uniform(-spread_m, spread_m) for _ in range(3)))
-        choice: Trajectory = Line(now, goal, random.uniform(-math.pi, math.pi), limits)
+        choice: Trajectory = StraightLine(now, goal, random.uniform(-math.pi, math.pi), limits)
         if random.random() < 0.1:
             choice = Brake(now, limits)  # aborted in the middle
         sent += [choice.at(index * STEP_S) for index in range(15)]
@@ -184,7 +184,7 @@ def test_goals_changed_every_300_ms_for_a_minute_make_no_step_beyond_the_limits(
 def test_limits_that_are_lowered_in_flight_are_come_back_to_without_a_step(
     goal: Vector3, share: float, limits: Limits, slower: float, gentler: float
 ) -> None:
-    line = Line(Motion(Vector3(), 0.0), goal, 1.0, limits)
+    line = StraightLine(Motion(Vector3(), 0.0), goal, 1.0, limits)
     now = line.at(share * line.duration_s)
     lower = Limits(
         limits.horizontal_speed_m_s * slower,
@@ -194,7 +194,7 @@ def test_limits_that_are_lowered_in_flight_are_come_back_to_without_a_step(
         limits.vertical_acceleration_m_s2 * gentler,
         limits.yaw_rate_rad_s * slower,
     )
-    onward = Line(now, goal, 1.0, lower)
+    onward = StraightLine(now, goal, 1.0, lower)
     assert (onward.at(0.0).velocity - now.velocity).norm() <= 1e-9
     assert (onward.at(0.0).acceleration - now.acceleration).norm() <= 1e-9
     sent = sampled(onward)
@@ -208,9 +208,9 @@ def test_limits_that_are_lowered_in_flight_are_come_back_to_without_a_step(
 @example(Vector3(0.0, 2.0, 0.0), 0.25, Limits(1.9375, 1.0, 1.0, 5.0, 1.0, 1.0))  # was 0.24 s longer
 def test_a_goal_that_is_told_again_changes_nothing(goal: Vector3, share: float, limits: Limits) -> None:
     assume(goal.norm() > 0.01)
-    line = Line(Motion(Vector3(), 1.0), goal, 1.0, limits)
+    line = StraightLine(Motion(Vector3(), 1.0), goal, 1.0, limits)
     told_s = share * line.duration_s
-    again = Line(line.at(told_s), goal, 1.0, limits)
+    again = StraightLine(line.at(told_s), goal, 1.0, limits)
     assert again.duration_s == pytest.approx(line.duration_s - told_s, abs=1e-3)
     direction = goal / goal.norm()
     assert max((motion.position - goal).dot(direction) for _, motion in moments(again)) <= 1e-6
@@ -219,8 +219,8 @@ def test_a_goal_that_is_told_again_changes_nothing(goal: Vector3, share: float, 
 @given(vectors(30.0), st.floats(0.0, 1.0), vectors(0.05))
 def test_a_goal_that_is_moved_a_little_is_not_overshot(goal: Vector3, share: float, moved: Vector3) -> None:
     assume(goal.norm() > 1.0)
-    line = Line(Motion(Vector3(), 1.0), goal, 1.0, LIMITS)
-    onward = Line(line.at(share * line.duration_s), goal + moved, 1.0, LIMITS)
+    line = StraightLine(Motion(Vector3(), 1.0), goal, 1.0, LIMITS)
+    onward = StraightLine(line.at(share * line.duration_s), goal + moved, 1.0, LIMITS)
     direction = goal / goal.norm()
     furthest = max((motion.position - goal).dot(direction) for _, motion in moments(onward))
     assert furthest <= 2 * moved.norm() + 1e-6
@@ -230,7 +230,7 @@ def test_a_goal_that_is_moved_a_little_is_not_overshot(goal: Vector3, share: flo
 def test_a_line_may_be_very_long(length_m: float) -> None:
     direction = Vector3(0.6, 0.8, 0.0)
     start, goal = Vector3(1.0, 2.0, 3.0), Vector3(1.0, 2.0, 3.0) + direction * length_m
-    line = Line(Motion(start, 0.0), goal, 2.0, LIMITS)
+    line = StraightLine(Motion(start, 0.0), goal, 2.0, LIMITS)
     assert line.duration_s == pytest.approx(length_m / LIMITS.horizontal_speed_m_s, abs=3.0)
     assert_rests_at(line.end(), goal, 2.0)
     assert_kept(sampled(line), LIMITS)
@@ -247,7 +247,7 @@ def test_a_line_may_be_very_long(length_m: float) -> None:
 def test_a_line_may_be_very_short(length_m: float) -> None:
     start = Vector3(100.0, -100.0, 50.0)
     goal = start + Vector3(0.6, 0.0, 0.8) * length_m
-    line = Line(Motion(start, 1.0), goal, 1.0, LIMITS)
+    line = StraightLine(Motion(start, 1.0), goal, 1.0, LIMITS)
     assert line.duration_s < 1.0
     assert_rests_at(line.end(), goal, 1.0)
     assert_kept(sampled(line), LIMITS)
@@ -257,7 +257,7 @@ def test_a_line_may_be_very_short(length_m: float) -> None:
 
 @pytest.mark.parametrize(("begin", "end"), [(3.0, -3.0), (-3.0, 3.0), (0.0, math.pi), (0.1, -math.pi), (2.0, 2.0)])
 def test_a_turn_on_the_spot_is_the_shortest(begin: float, end: float) -> None:
-    line = Line(Motion(Vector3(1, 1, 1), begin), Vector3(1, 1, 1), end, LIMITS)
+    line = StraightLine(Motion(Vector3(1, 1, 1), begin), Vector3(1, 1, 1), end, LIMITS)
     turn = abs(wrap_angle(end - begin))
     assert line.length_m == 0.0
     assert sum(abs(m.yaw_rate_rad_s) for _, m in moments(line)) * line.duration_s / 200 == pytest.approx(turn, rel=0.02)
@@ -266,26 +266,26 @@ def test_a_turn_on_the_spot_is_the_shortest(begin: float, end: float) -> None:
 
 
 def test_position_and_heading_arrive_together() -> None:
-    line = Line(Motion(Vector3(), 0.0), Vector3(20.0, 0.0, 0.0), 1.0, LIMITS)
+    line = StraightLine(Motion(Vector3(), 0.0), Vector3(20.0, 0.0, 0.0), 1.0, LIMITS)
     half = line.at(line.duration_s / 2)
     assert half.position.x == pytest.approx(10.0, abs=0.1)
     assert half.yaw_rad == pytest.approx(0.5, abs=0.05)
 
 
 def test_a_short_line_waits_for_its_turn() -> None:
-    line = Line(Motion(Vector3(), 0.0), Vector3(0.5, 0.0, 0.0), 3.0, LIMITS)
+    line = StraightLine(Motion(Vector3(), 0.0), Vector3(0.5, 0.0, 0.0), 3.0, LIMITS)
     assert line.at(line.duration_s * 0.99).position != Vector3(0.5, 0.0, 0.0)
     assert line.at(line.duration_s / 2).yaw_rad == pytest.approx(1.5, abs=0.05)
 
 
 def test_a_line_keeps_a_speed_limit_of_its_own() -> None:
-    line = Line(Motion(Vector3(), 0.0), Vector3(10.0, 0.0, 5.0), 0.0, LIMITS, max_speed_m_s=0.5)
+    line = StraightLine(Motion(Vector3(), 0.0), Vector3(10.0, 0.0, 5.0), 0.0, LIMITS, max_speed_m_s=0.5)
     assert max(m.velocity.norm() for _, m in moments(line)) == pytest.approx(0.5)
 
 
 def test_a_start_in_motion_bends_to_the_line_without_stopping() -> None:
     start = Motion(Vector3(), 0.0, Vector3(0.0, 1.5, 0.0))
-    line = Line(start, Vector3(30.0, 0.0, 0.0), 0.0, LIMITS)
+    line = StraightLine(start, Vector3(30.0, 0.0, 0.0), 0.0, LIMITS)
     assert min(m.velocity.norm() for t, m in moments(line) if t < line.duration_s / 2) > 0.9
     straight = [m.position for t, m in moments(line) if t > 3.0]
     assert max(distance_from_line(p, straight[0], Vector3(30.0, 0.0, 0.0)) for p in straight) <= 1e-6
@@ -315,7 +315,7 @@ def test_braking_ends_at_rest_straight_ahead(
 
 @given(vectors(50.0), st.floats(0.0, 1.0), LIMIT_SETS)
 def test_braking_goes_on_from_the_acceleration_within_the_limits(goal: Vector3, share: float, limits: Limits) -> None:
-    line = Line(Motion(Vector3(), 0.0), goal, 1.0, limits)
+    line = StraightLine(Motion(Vector3(), 0.0), goal, 1.0, limits)
     now = line.at(share * line.duration_s)
     brake = Brake(now, limits)
     assert (brake.at(0.0).acceleration - now.acceleration).norm() <= 1e-9
@@ -334,7 +334,7 @@ def test_braking_at_rest_stays() -> None:
 def test_a_turn_that_is_beyond_its_limit_is_slowed_without_a_step() -> None:
     limits = replace(LIMITS, yaw_rate_rad_s=0.3)
     start = Motion(Vector3(), 0.0, yaw_rate_rad_s=1.0, yaw_acceleration_rad_s2=-0.5)
-    for trajectory in (Brake(start, limits), Line(start, Vector3(5.0, 0.0, 0.0), 2.0, limits)):
+    for trajectory in (Brake(start, limits), StraightLine(start, Vector3(5.0, 0.0, 0.0), 2.0, limits)):
         assert_kept(sampled(trajectory), limits)
 
 
@@ -348,7 +348,7 @@ def test_a_turn_that_cannot_be_drawn_out_is_made_as_fast_as_it_can() -> None:
         0.011039628635364916,
         -0.42027854830557165,
     )
-    line = Line(now, Vector3(96.0, 0.0, 0.0), 0.3180249055519686, LIMITS)
+    line = StraightLine(now, Vector3(96.0, 0.0, 0.0), 0.3180249055519686, LIMITS)
     assert_rests_at(line.end(), Vector3(96.0, 0.0, 0.0), 0.3180249055519686)
     assert_kept(sampled(line), LIMITS, slack=BENT_SLACK)
 
@@ -358,14 +358,14 @@ def test_a_motion_that_is_planned_anew_all_the_time_takes_no_longer() -> None:
     for _ in range(60):
         limits = Limits(*(random.choice((1.0, 1.9375, 3.0, random.uniform(0.5, 6.0))) for _ in range(6)))
         goal = Vector3(*(random.choice((0.0, 2.0, random.uniform(-20.0, 20.0))) for _ in range(3)))
-        line: Trajectory = Line(Motion(Vector3(), 1.0), goal, 1.0, limits)
-        turn: Trajectory = Line(Motion(goal, 0.0), goal, random.uniform(-3.0, 3.0), limits)
+        line: Trajectory = StraightLine(Motion(Vector3(), 1.0), goal, 1.0, limits)
+        turn: Trajectory = StraightLine(Motion(goal, 0.0), goal, random.uniform(-3.0, 3.0), limits)
         for whole in (line, turn):
             for share in range(1, 16):
                 end, on, at_s = whole.at(whole.duration_s), whole, share / 16 * whole.duration_s
                 for _ in range(4):
                     left_s = on.duration_s - at_s
-                    on = Line(on.at(at_s), end.position, end.yaw_rad, limits)
+                    on = StraightLine(on.at(at_s), end.position, end.yaw_rad, limits)
                     longer_s.append(on.duration_s - left_s)
                     at_s = on.duration_s / 8
     assert max(longer_s) <= 0.01  # some were 9 s longer

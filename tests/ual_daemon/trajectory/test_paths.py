@@ -24,20 +24,20 @@ from tests.ual_daemon.trajectory.trajectories import (
 )
 from ual.geometry import Vector3
 from ual.types import Limits
-from ual_daemon.trajectory import Chain, Line, Motion, Run, Trajectory, Waypoint, path, speed_limit
+from ual_daemon.trajectory import Chain, Motion, PathWaypoint, Run, StraightLine, Trajectory, path, speed_limit
 
 LIMITS = Limits()
 
 
 PATHS = st.lists(
-    st.builds(Waypoint, vectors(30.0), st.none() | ANGLES, st.none() | st.floats(0.2, 20.0)), min_size=1, max_size=6
+    st.builds(PathWaypoint, vectors(30.0), st.none() | ANGLES, st.none() | st.floats(0.2, 20.0)), min_size=1, max_size=6
 )
 RADII = st.sampled_from([0.0, 0.05, 1.0, 20.0])
 
 
 @given(vectors(30.0), ANGLES, PATHS, st.sampled_from([0.0, 0.05, 1.0, 20.0]), LIMIT_SETS)
 def test_a_path_from_rest_passes_its_waypoints_within_radius_and_limits(
-    start: Vector3, yaw: float, goals: list[Waypoint], radius_m: float, limits: Limits
+    start: Vector3, yaw: float, goals: list[PathWaypoint], radius_m: float, limits: Limits
 ) -> None:
     found = path(Motion(start, yaw), goals, radius_m, limits)
     points = [start, *(goal.position for goal in goals)]
@@ -63,7 +63,7 @@ def test_a_path_from_rest_passes_its_waypoints_within_radius_and_limits(
 
 @given(vectors(30.0), PATHS, st.sampled_from([0.0, 1.0, 20.0]))
 def test_the_way_left_only_shrinks_and_waypoints_come_in_order(
-    start: Vector3, goals: list[Waypoint], radius_m: float
+    start: Vector3, goals: list[PathWaypoint], radius_m: float
 ) -> None:
     found = path(Motion(start, 0.0), goals, radius_m, LIMITS)
     left = [found.length_left_m(time_s) for time_s, _ in moments(found)]
@@ -78,9 +78,9 @@ def test_the_way_left_only_shrinks_and_waypoints_come_in_order(
 
 @given(vectors(30.0), vectors(30.0), st.floats(0.0, 1.0), PATHS, RADII, LIMIT_SETS)
 def test_a_path_that_is_commanded_in_flight_begins_with_that_motion_and_keeps_the_limits(
-    start: Vector3, way: Vector3, share: float, goals: list[Waypoint], radius_m: float, limits: Limits
+    start: Vector3, way: Vector3, share: float, goals: list[PathWaypoint], radius_m: float, limits: Limits
 ) -> None:
-    line = Line(Motion(start, 0.0), start + way, 1.0, limits)
+    line = StraightLine(Motion(start, 0.0), start + way, 1.0, limits)
     now = line.at(share * line.duration_s)
     found = path(now, goals, radius_m, limits)
     first = found.at(0.0)
@@ -153,7 +153,7 @@ def test_duplicates_and_reversals_are_flown_with_stops(
 
 
 def test_a_turn_on_the_spot_within_a_path_is_made_standing() -> None:
-    goals = [Waypoint(Vector3(3, 0, 0)), Waypoint(Vector3(3, 0, 0), 2.0), Waypoint(Vector3(3, 3, 0))]
+    goals = [PathWaypoint(Vector3(3, 0, 0)), PathWaypoint(Vector3(3, 0, 0), 2.0), PathWaypoint(Vector3(3, 3, 0))]
     found = path(Motion(Vector3(), 0.0), goals, 1.0, LIMITS)
     for _, motion in moments(found, 1000):
         if motion.yaw_rate_rad_s > 1e-6:
@@ -163,7 +163,7 @@ def test_a_turn_on_the_spot_within_a_path_is_made_standing() -> None:
 
 
 def test_a_heading_that_is_not_given_is_the_one_before() -> None:
-    goals = [Waypoint(Vector3(5, 0, 0), 1.0), Waypoint(Vector3(5, 5, 0)), Waypoint(Vector3(0, 5, 0), -1.0)]
+    goals = [PathWaypoint(Vector3(5, 0, 0), 1.0), PathWaypoint(Vector3(5, 5, 0)), PathWaypoint(Vector3(0, 5, 0), -1.0)]
     found = path(Motion(Vector3(), 0.5), goals, 0.0, LIMITS)
     at_corners = [found.at(time_s).yaw_rad for time_s in corner_times(found, [goal.position for goal in goals])]
     assert at_corners == pytest.approx([1.0, 1.0, -1.0], abs=0.01)
@@ -195,7 +195,11 @@ def test_a_rounded_path_is_about_as_fast_as_one_of_arcs() -> None:
 
 
 def test_each_leg_keeps_its_own_speed_limit() -> None:
-    goals = [Waypoint(Vector3(10, 0, 0)), Waypoint(Vector3(20, 0, 0), None, 0.5), Waypoint(Vector3(20, 10, 0))]
+    goals = [
+        PathWaypoint(Vector3(10, 0, 0)),
+        PathWaypoint(Vector3(20, 0, 0), None, 0.5),
+        PathWaypoint(Vector3(20, 10, 0)),
+    ]
     found = path(Motion(Vector3(), 0.0), goals, 1.0, LIMITS)
     fastest = [0.0, 0.0, 0.0]
     for time_s, motion in moments(found, 3000):
@@ -203,14 +207,14 @@ def test_each_leg_keeps_its_own_speed_limit() -> None:
         if min((motion.position - goal.position).norm() for goal in goals) > 0.01:
             fastest[leg] = max(fastest[leg], motion.velocity.norm())
     assert fastest == pytest.approx([1.6, 0.5, 1.6], abs=0.01)
-    single = path(Motion(Vector3(), 0.0), [Waypoint(Vector3(10, 0, 0), None, 0.7)], 0.0, LIMITS)
+    single = path(Motion(Vector3(), 0.0), [PathWaypoint(Vector3(10, 0, 0), None, 0.7)], 0.0, LIMITS)
     assert max(m.velocity.norm() for _, m in moments(single)) == pytest.approx(0.7)
 
 
 def test_points_of_a_recorded_track_are_no_corners() -> None:
-    dense = [Waypoint(Vector3(0.05 * i, 0.01 * math.sin(i), 0.0)) for i in range(1, 401)]
+    dense = [PathWaypoint(Vector3(0.05 * i, 0.01 * math.sin(i), 0.0)) for i in range(1, 401)]
     found = path(Motion(Vector3(), 0.0), dense, 1.0, LIMITS)
-    straight = Line(Motion(Vector3(), 0.0), Vector3(20.0, 0.0, 0.0), 0.0, LIMITS)
+    straight = StraightLine(Motion(Vector3(), 0.0), Vector3(20.0, 0.0, 0.0), 0.0, LIMITS)
     assert found.duration_s < 1.02 * straight.duration_s
     assert_kept(sampled(found), LIMITS)
     # Each waypoint is passed, and told, in its place.

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from tests.strategies import ANGLES, vectors
 from ual.geometry import Vector3, wrap_angle
 from ual.types import Limits
-from ual_daemon.trajectory import Motion, Trajectory, Waypoint
+from ual_daemon.trajectory import Motion, PathWaypoint, Trajectory
 from ual_daemon.trajectory.envelope import (
     RAMP_S,
     acceleration_share,
@@ -163,6 +163,6 @@ def assert_straight_between_bends(trajectory: Trajectory) -> None:
             assert distance_from_line(place, begin, end) <= 1e-6 * (1.0 + (end - begin).norm())
 
 
-def waypoints(*places: tuple[float, float, float]) -> list[Waypoint]:
+def waypoints(*places: tuple[float, float, float]) -> list[PathWaypoint]:
     """Waypoints without headings."""
-    return [Waypoint(Vector3(*place)) for place in places]
+    return [PathWaypoint(Vector3(*place)) for place in places]

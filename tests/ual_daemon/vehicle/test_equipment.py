@@ -10,9 +10,9 @@ import pytest
 from tests.conftest import LIMIT_S
 from ual.errors import LinkLostError, RejectedByAutopilotError, TaskAbortedError, WrongStateError
 from ual_daemon.settings import PayloadSettings
-from ual_daemon.vehicle.equipment import Device, Equipment
+from ual_daemon.vehicle.equipment import PayloadDevice, PayloadEquipment
 
-CLAW = Device("gripper", "claw")
+CLAW = PayloadDevice("gripper", "claw")
 
 
 def anybody() -> None:
@@ -23,10 +23,10 @@ class Bench:
     """The orders of a test."""
 
     def __init__(self) -> None:
-        self.equipment = Equipment(PayloadSettings())
+        self.equipment = PayloadEquipment(PayloadSettings())
         self.sent: list[Future[None]] = []
 
-    def give(self, text: str, *, holds: bool = False, device: Device = CLAW) -> Future[None]:
+    def give(self, text: str, *, holds: bool = False, device: PayloadDevice = CLAW) -> Future[None]:
         return self.equipment.give(device, text, self._begin, holds=holds, require=anybody)
 
     def _begin(self) -> Future[None]:
@@ -57,7 +57,7 @@ def test_what_may_let_go_waits_for_the_end_of_what_is_under_way(bench: Bench) ->
     with pytest.raises(WrongStateError, match="the gripper claw is busy: grip is under way"):
         bench.give("release")
     assert len(bench.sent) == 1
-    bench.give("release", device=Device("gripper", "hand"))
+    bench.give("release", device=PayloadDevice("gripper", "hand"))
     bench.sent[0].set_result(None)
     bench.give("release")
     assert len(bench.sent) == 3
@@ -86,7 +86,7 @@ def test_an_order_that_is_withdrawn_leaves_the_device_free(bench: Bench) -> None
 
 
 def test_what_may_let_go_and_waits_is_withdrawn_by_a_lease_and_what_holds_is_not(bench: Bench) -> None:
-    release, grip = bench.give("release"), bench.give("grip", holds=True, device=Device("gripper", "hand"))
+    release, grip = bench.give("release"), bench.give("grip", holds=True, device=PayloadDevice("gripper", "hand"))
     bench.equipment.withdraw("somebody has acquired the lease", {"by": "lease"})
     with pytest.raises(
         TaskAbortedError, match="release was withdrawn: somebody has acquired the lease; if it has left"
@@ -101,7 +101,7 @@ def test_what_may_let_go_and_waits_is_withdrawn_by_a_lease_and_what_holds_is_not
 def test_who_waits_for_an_end_may_give_the_next_order(bench: Bench, how: str) -> None:
     """A lease that ends is told by the thread that flies: it must not wait for a lock that it has itself."""
     given: list[Future[None]] = []
-    hand = Device("gripper", "hand")
+    hand = PayloadDevice("gripper", "hand")
 
     def end() -> None:
         if how == "withdrawn":

@@ -16,7 +16,7 @@ from ual_daemon.backends.values import Setpoint, Snapshot
 from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.settings import VehicleSettings
-from ual_daemon.vehicle.equipment import Device
+from ual_daemon.vehicle.equipment import PayloadDevice
 
 FAR = at(60.0, 0.0, 3.0)
 LONG_S = 1e6
@@ -146,7 +146,7 @@ def test_a_release_that_waits_ends_with_the_lease(uav: Stepped, how: str) -> Non
     """It waits for a silence to end, or for an earlier order: it would leave in the flight of another program."""
     lease_id = NOBODY if how == "acquired" else uav.vehicle.acquire_lease("survey", "local", lasts_s=LONG_S)
     sent: Future[None] = Future()
-    claw = Device("gripper", "claw")
+    claw = PayloadDevice("gripper", "claw")
     release = uav.vehicle.equipment.give(claw, "release", lambda: sent, holds=False, require=lambda: None)
     if how == "released":
         uav.vehicle.release_lease(lease_id)

@@ -17,7 +17,7 @@ from ual.missions import ReturnToLaunch
 from ual_daemon.backends import futures
 from ual_daemon.backends.chain import done
 from ual_daemon.backends.offers.missions import AutopilotMissions, KeptMission
-from ual_daemon.flight.flight import Flight, Order
+from ual_daemon.flight.flight import CommandOrigin, Flight
 from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre
 from ual_daemon.flight.tasks import Tasks
 from ual_daemon.settings import LimitSettings, VehicleSettings
@@ -68,7 +68,7 @@ class Restarted:
     def command_and_adopt(self, manoeuvre: Manoeuvre) -> bool:
         """Another thread commands the UAV just before."""
         hold = Hold(Vector3(0.0, 0.0, 3.0), 0.0)
-        self.flight.begin_reference(hold, "set_pose", self._backend.snapshot(), Order())
+        self.flight.begin_reference(hold, "set_pose", self._backend.snapshot(), CommandOrigin())
         return Flight.adopt(self.flight, manoeuvre)
 
     def run(self, duration_s: float) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from tests.ual_tools.recording.autopilot_logs import Sample, write_dataflash, write_ulog
 from ual.errors import InvalidArgumentError
-from ual_tools.recording.autopilot_log import Track, laid_over, placed, read
+from ual_tools.recording.autopilot_log import LogTrack, laid_over, placed, read
 
 BOOT_UTC_S = 1_795_659_430.0
 BEGIN_S = BOOT_UTC_S + 20.0
@@ -31,7 +31,7 @@ SPEEDS = [speed(time_s + 20.0) for time_s in TIMES_S]
 
 
 @pytest.fixture(params=["ulog", "ulog without time", "dataflash"])
-def track(request: pytest.FixtureRequest, tmp_path: Path) -> Track:
+def track(request: pytest.FixtureRequest, tmp_path: Path) -> LogTrack:
     if request.param == "dataflash":
         write_dataflash(tmp_path / "7.BIN", SAMPLES, BOOT_UTC_S)
         return read(tmp_path / "7.BIN")
@@ -39,14 +39,14 @@ def track(request: pytest.FixtureRequest, tmp_path: Path) -> Track:
     return read(tmp_path / "a.ulg")
 
 
-def test_positions_are_east_north_and_up(track: Track) -> None:
+def test_positions_are_east_north_and_up(track: LogTrack) -> None:
     assert len(track.times_s) == len(SAMPLES)
     assert [track.xs[-1], track.ys[-1]] == pytest.approx([-899 / 50, 899 / 100])
     assert track.heights[450] == pytest.approx(2.0 + speed(45.0))
     assert track.speeds[450] == pytest.approx(speed(45.0), abs=1e-5)
 
 
-def test_it_is_laid_over_the_recording_in_time(track: Track) -> None:
+def test_it_is_laid_over_the_recording_in_time(track: LogTrack) -> None:
     moved = laid_over(track, TIMES_S, SPEEDS, BEGIN_S)
     at_most = max(range(len(moved.times_s)), key=moved.speeds.__getitem__)
     assert moved.times_s[at_most] == pytest.approx(25.0, abs=0.15)
@@ -61,7 +61,7 @@ def test_clocks_that_differ_by_seconds_are_found_out(tmp_path: Path) -> None:
     assert moved.times_s[at_most] == pytest.approx(25.0, abs=0.15)
 
 
-def test_it_is_moved_onto_the_places_of_the_recording(track: Track) -> None:
+def test_it_is_moved_onto_the_places_of_the_recording(track: LogTrack) -> None:
     moved = laid_over(track, TIMES_S, SPEEDS, BEGIN_S)
     xs = [-(time_s + 20.0) / 5 + 7.0 for time_s in TIMES_S]
     ys = [(time_s + 20.0) / 10 - 3.0 for time_s in TIMES_S]

@@ -14,7 +14,7 @@ from typing import Any
 import pytest
 
 from ual_tools.ros2 import found, interfaces
-from ual_tools.ros2.found import Ros
+from ual_tools.ros2.found import RosInstallation
 
 CMAKE = """\
 #!{python}
@@ -156,7 +156,7 @@ def test_another_version_of_ros_gets_its_own(machine: Machine) -> None:
 
 def test_what_is_for_python_alone_is_another_build(machine: Machine, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PATH", str(machine.root / "bin"))
-    ros, told = found.Ros((machine.ros,)), list[str]()
+    ros, told = found.RosInstallation((machine.ros,)), list[str]()
     of_all, of_python = (
         interfaces.ready(ros, machine.cache, told.append, for_python_alone=is_alone)["AMENT_PREFIX_PATH"]
         for is_alone in (False, True)
@@ -223,7 +223,7 @@ def test_the_variables_are_printed_for_a_shell(machine: Machine) -> None:
 
 def test_what_is_built_comes_before_what_was_there(tmp_path: Path) -> None:
     (tmp_path / "local" / "lib" / "python3.12" / "dist-packages").mkdir(parents=True)  # as on Debian and Ubuntu
-    ros = Ros((Path("/opt/ros/jazzy"),))
+    ros = RosInstallation((Path("/opt/ros/jazzy"),))
     before = {"LD_LIBRARY_PATH": "/opt/ros/jazzy/lib", "PYTHONPATH": "", "AMENT_PREFIX_PATH": "/opt/ros/jazzy"}
     assert interfaces.variables(tmp_path, ros, before) == {
         "AMENT_PREFIX_PATH": f"{tmp_path}:/opt/ros/jazzy",
@@ -237,6 +237,6 @@ def test_ros_from_wheels_is_where_python_is(tmp_path: Path, monkeypatch: pytest.
     monkeypatch.setattr(sys, "prefix", str(tmp_path))
     monkeypatch.setattr(found, "find_spec", {"rclpy": object()}.get)
     monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
-    assert found.ros() == Ros((tmp_path,))
+    assert found.ros() == RosInstallation((tmp_path,))
     monkeypatch.setenv("AMENT_PREFIX_PATH", f"/opt/ros/jazzy:{tmp_path}")
-    assert found.ros() == Ros((Path("/opt/ros/jazzy"), tmp_path))
+    assert found.ros() == RosInstallation((Path("/opt/ros/jazzy"), tmp_path))

@@ -13,7 +13,7 @@ import pytest
 
 from tests import rtcm
 from tests.waiting import until
-from ual_tools.rtcm.reader import Reader
+from ual_tools.rtcm.reader import CorrectionsReader
 from ual_tools.rtcm.source import SerialSource, SourceError, serial_source
 
 SENT = rtcm.messages([30, 300, 1029])
@@ -81,7 +81,7 @@ def test_an_unplugged_or_absent_port_is_told_and_tried_again(line: Line) -> None
     ):
         next(chunks)
     told: list[str] = []
-    with Reader(serial_source("/dev/no such port"), told.append, first_pause_s=0.01):
+    with CorrectionsReader(serial_source("/dev/no such port"), told.append, first_pause_s=0.01):
         until(lambda: len(told) > 1, "a second try")
     assert told[0].startswith("/dev/no such port:115200: ")
     assert "; trying again in " in told[0]

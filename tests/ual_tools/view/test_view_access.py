@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from ual.errors import InvalidArgumentError
-from ual_tools.view.access import Access, access
+from ual_tools.view.access import PageAccess, access
 
 HERE = Path(__file__)
 
@@ -33,7 +33,7 @@ def test_refused(host: str, certificate: Path | None, key: Path | None, token_fi
 
 def test_addresses() -> None:
     assert access("::1", 0, None, None, None, control=False).url(8080) == "http://[::1]:8080/"
-    assert Access("a.b", 0, "secret").url(1) == "http://a.b:1/?token=secret"
+    assert PageAccess("a.b", 0, "secret").url(1) == "http://a.b:1/?token=secret"
 
 
 def test_a_page_that_flies_has_a_token_that_is_new_each_time() -> None:

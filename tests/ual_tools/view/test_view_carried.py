@@ -6,7 +6,7 @@ from typing import Any
 
 from ual.errors import LinkLostError, NotSupportedError, UalError
 from ual.gripper import Equipment, GripperInfo, GripperState, RelayInfo, ServoInfo, WinchInfo, WinchStatus
-from ual_tools.view.carried import Carried
+from ual_tools.view.carried import PayloadBoard
 
 ALL = Equipment(
     (GripperInfo("claw", GripperState.CLOSED, "grip"), GripperInfo("hand", note="the autopilot does not say it")),
@@ -30,13 +30,13 @@ class Gripper:
         return self.answer
 
 
-def look(carried: Carried, gripper: Gripper, now_s: float, *, is_wanted: bool = True) -> None:
+def look(carried: PayloadBoard, gripper: Gripper, now_s: float, *, is_wanted: bool = True) -> None:
     of_uav: Any = gripper
     carried.look(of_uav, now_s, is_wanted=is_wanted)
 
 
 def test_each_device_has_a_line_and_what_is_not_known_is_told_as_unknown() -> None:
-    carried = Carried()
+    carried = PayloadBoard()
     look(carried, Gripper(ALL), 0.0)
     assert carried.rows == (
         ("gripper claw", "closed; ordered: grip"),
@@ -49,7 +49,7 @@ def test_each_device_has_a_line_and_what_is_not_known_is_told_as_unknown() -> No
 
 
 def test_it_is_asked_only_while_a_page_shows_it_and_not_more_often_than_that() -> None:
-    carried, gripper = Carried(), Gripper(ALL)
+    carried, gripper = PayloadBoard(), Gripper(ALL)
     look(carried, gripper, 10.0, is_wanted=False)
     assert (gripper.asked_count, carried.rows) == (0, ())
     for now_s in (10.5, 11.0, 12.4, 12.5):
@@ -62,7 +62,7 @@ def test_it_is_asked_only_while_a_page_shows_it_and_not_more_often_than_that() -
 
 
 def test_what_does_not_answer_is_unknown_and_asked_again() -> None:
-    carried, gripper = Carried(), Gripper(ALL)
+    carried, gripper = PayloadBoard(), Gripper(ALL)
     look(carried, gripper, 0.0)
     gripper.answer = LinkLostError("nothing is heard")
     look(carried, gripper, 2.0)
@@ -74,7 +74,7 @@ def test_what_does_not_answer_is_unknown_and_asked_again() -> None:
 
 def test_a_uav_that_carries_nothing_is_asked_once() -> None:
     for answer in (Equipment(), NotSupportedError("it has none")):
-        carried, gripper = Carried(), Gripper(answer)
+        carried, gripper = PayloadBoard(), Gripper(answer)
         for now_s in (0.0, 2.0, 4.0):
             look(carried, gripper, now_s)
         assert (gripper.asked_count, carried.rows) == (1, ())

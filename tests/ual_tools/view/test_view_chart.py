@@ -9,7 +9,7 @@ import pytest
 pytest.importorskip("viser", reason="NO VISER, the chart of `ual view` is NOT TESTED: pip install 'ual-tools[view]'")
 
 from ual_tools.view.chart import Range, columns, limits
-from ual_tools.view.track import CHART_S, Sample
+from ual_tools.view.track import CHART_S, ChartSample
 
 NAN = math.nan
 
@@ -35,5 +35,5 @@ def test_a_chart_without_samples_has_its_axes() -> None:
     ],
 )
 def test_its_range_has_all_values_and_seldom_changes(heights: tuple[float, ...], expected: Range) -> None:
-    samples = [Sample(-float(number), height_m, NAN, NAN) for number, height_m in enumerate(heights)]
+    samples = [ChartSample(-float(number), height_m, NAN, NAN) for number, height_m in enumerate(heights)]
     assert limits(columns(samples)) == expected

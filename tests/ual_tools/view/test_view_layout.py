@@ -11,9 +11,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ual.geometry import Quaternion, Vector3
-from ual_tools.condition import Condition, Level
+from ual_tools.condition import UavCondition, Urgency
 from ual_tools.view import fleet_table, palette, shell
-from ual_tools.view.camera import Camera, framing
+from ual_tools.view.camera import PageCamera, framing
 from ual_tools.view.chosen import ALL, chosen, title
 from ual_tools.view.label_layout import Fixed, Wanted, laid_out
 from ual_tools.view.shown import GREY, Shown
@@ -23,13 +23,13 @@ NAMES = ("uav_1", "uav_2", "uav_10")
 places = st.builds(Vector3, st.floats(-1e4, 1e4), st.floats(-1e4, 1e4), st.floats(-100, 1e3))
 
 
-def camera_at(position: Vector3, look_at: Vector3, width_px: float, height_px: float) -> Camera:
+def camera_at(position: Vector3, look_at: Vector3, width_px: float, height_px: float) -> PageCamera:
     """A camera whose picture is upright."""
     ahead = (look_at - position) * (1.0 / (look_at - position).norm())
     yaw_rad, pitch_rad = math.atan2(ahead.y, ahead.x), math.asin(ahead.z)
     body = Quaternion.from_euler(0.0, -pitch_rad, yaw_rad)  # x ahead, y left, z up
     to_optical = Quaternion(-0.5, 0.5, -0.5, 0.5)
-    return Camera(position, body * to_optical, FOV_RAD, width_px, height_px)
+    return PageCamera(position, body * to_optical, FOV_RAD, width_px, height_px)
 
 
 @given(st.lists(places, min_size=1, max_size=8), st.sampled_from([(1280.0, 800.0), (390.0, 844.0), (800.0, 800.0)]))
@@ -114,12 +114,12 @@ def test_a_button_says_for_which_uavs_it_is() -> None:
     assert title(many[:4], many) == "4 chosen"
 
 
-def uav(ns: str, level: Level = Level.FINE, words: str = "") -> Shown:
-    return Shown(ns, "", GREY, Condition(level, "FLYING_AUTO", words, words), "87 %", palette.colour(1), task="goes")
+def uav(ns: str, level: Urgency = Urgency.FINE, words: str = "") -> Shown:
+    return Shown(ns, "", GREY, UavCondition(level, "FLYING_AUTO", words, words), "87 %", palette.colour(1), task="goes")
 
 
 def test_the_table_has_the_worst_first_and_marks_what_is_chosen() -> None:
-    found = [uav("uav_1"), uav("uav_2", Level.WARNING, "weak link"), uav("uav_3", Level.ALARM, "failsafe: <b>")]
+    found = [uav("uav_1"), uav("uav_2", Urgency.WARNING, "weak link"), uav("uav_3", Urgency.ALARM, "failsafe: <b>")]
     html = fleet_table.table(found, ("uav_2",), "UAL")
     rows = html.split("<tr ")[1:]
     assert ["uav_3" in rows[0], "uav_2" in rows[1], "uav_1" in rows[2]] == [True] * 3
@@ -133,8 +133,8 @@ def test_the_table_has_the_worst_first_and_marks_what_is_chosen() -> None:
 
 
 def test_one_that_is_lost_ranks_above_a_failsafe() -> None:
-    lost = Shown("uav_2", "", GREY, Condition(Level.ALARM, "LOST", "lost", "lost"))
-    rows = fleet_table.table([uav("uav_1", Level.ALARM, "failsafe: fence"), lost], (), "UAL").split("<tr ")[1:]
+    lost = Shown("uav_2", "", GREY, UavCondition(Urgency.ALARM, "LOST", "lost", "lost"))
+    rows = fleet_table.table([uav("uav_1", Urgency.ALARM, "failsafe: fence"), lost], (), "UAL").split("<tr ")[1:]
     assert ["uav_2" in rows[0], "uav_1" in rows[1]] == [True, True]
 
 

@@ -18,8 +18,8 @@ from websockets.asyncio import server as websockets_server
 from tests.descriptors import no_descriptors
 from tests.waiting import LIMIT_S, until, until_async
 from ual.errors import InvalidArgumentError
-from ual_tools.view.access import Access
-from ual_tools.view.listener import Listener
+from ual_tools.view.access import PageAccess
+from ual_tools.view.listener import PageSocket
 from ual_tools.view.server import serving
 
 RETRY_S = 1
@@ -34,7 +34,7 @@ def test_without_descriptors_it_is_said_once_and_asyncio_tries_once_each_second(
 
     async def serve() -> None:
         loop = asyncio.get_running_loop()
-        listener = Listener("127.0.0.1", 0, said.append)
+        listener = PageSocket("127.0.0.1", 0, said.append)
         loop.set_exception_handler(listener.note)
         later = loop.call_later
         waiting: list[None] = []
@@ -78,7 +78,7 @@ def test_the_end_waits_for_no_connection_without_a_request(
 ) -> None:
     monkeypatch.setattr(websockets_server, "serve", partial(websockets_server.serve, open_timeout=None))
     with caplog.at_level(logging.ERROR):
-        with serving(Access("127.0.0.1", 0), "a title", lambda _: None) as server:
+        with serving(PageAccess("127.0.0.1", 0), "a title", lambda _: None) as server:
             silent = socket.create_connection(("127.0.0.1", server.get_port()), LIMIT_S)
             silent.sendall(b"GET / HT")
             other = socket.create_connection(("127.0.0.1", server.get_port()), LIMIT_S)
@@ -92,13 +92,13 @@ def test_the_end_waits_for_no_connection_without_a_request(
 def test_a_port_that_is_taken_is_refused_and_a_browser_that_leaves_is_no_error(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
-    with serving(Access("127.0.0.1", 0), "a title", lambda _: None) as server:
+    with serving(PageAccess("127.0.0.1", 0), "a title", lambda _: None) as server:
         port = server.get_port()
         with (
             pytest.raises(
                 InvalidArgumentError, match=f"127.0.0.1:{port} cannot be listened on: Address already in use"
             ),
-            serving(Access("127.0.0.1", port), "a title", lambda _: None),
+            serving(PageAccess("127.0.0.1", port), "a title", lambda _: None),
         ):
             pass
         with socket.create_connection(("127.0.0.1", port), LIMIT_S) as leaving:

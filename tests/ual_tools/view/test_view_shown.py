@@ -16,7 +16,7 @@ from ual_tools.view.journal import Journal
 from ual_tools.view.pose_times import PoseTimes
 from ual_tools.view.shown import GREY, Shown, clock_text, shown
 from ual_tools.view.track import CHART_S, Track
-from ual_tools.watch_board import Seen
+from ual_tools.watch_board import WatchedUav
 
 NOW_S, UTC_S, LOST_AFTER_S = 10_000.0, 1_700_000_000.0, 2.0
 ODOM = Transform(Vector3(10.0, 20.0, 5.0), Quaternion.from_yaw(math.pi / 2), "map", "uav_1/odom")
@@ -36,7 +36,7 @@ FLYING = Telemetry(
 )
 
 
-def look(seen: Seen) -> Shown:
+def look(seen: WatchedUav) -> Shown:
     return shown("uav_1", seen, now_s=NOW_S, utc_s=UTC_S, lost_after_s=LOST_AFTER_S)
 
 
@@ -45,7 +45,7 @@ def near(place: Vector3 | None, x: float, y: float, z: float) -> bool:
 
 
 def test_all_is_drawn_in_map() -> None:
-    uav = look(Seen(NOW_S, FLYING))
+    uav = look(WatchedUav(NOW_S, FLYING))
     assert uav.body is not None
     assert uav.odom is not None
     assert uav.reference is not None
@@ -61,33 +61,33 @@ def test_all_is_drawn_in_map() -> None:
 
 def test_the_reference_follows_the_frame_of_the_telemetry() -> None:
     in_map = dataclasses.replace(FLYING, frame_id="map", pose=IN_MAP, reference_pose=Pose(Vector3(7.0, 7.0, 7.0)))
-    reference = look(Seen(NOW_S, in_map)).reference
+    reference = look(WatchedUav(NOW_S, in_map)).reference
     assert reference is not None
     assert near(reference.position, 7.0, 7.0, 7.0)
 
 
 @pytest.mark.parametrize(("age_s", "is_lost"), [(0.0, False), (1.9, False), (2.0, True), (3600.0, True)])
 def test_an_old_sample_is_grey_and_says_since_when(age_s: float, is_lost: bool) -> None:
-    uav = look(Seen(NOW_S - age_s, FLYING))
+    uav = look(WatchedUav(NOW_S - age_s, FLYING))
     assert uav.is_lost is is_lost
     assert (uav.colour == GREY) is is_lost
     assert (f"LOST since {clock_text(UTC_S - age_s)}: no telemetry for {age_s:.0f} s" in uav.label) is is_lost
 
 
 def test_a_lost_uav_stays_where_it_was_and_shows_nothing_as_the_present() -> None:
-    uav = look(Seen(NOW_S - 5.0, FLYING))
+    uav = look(WatchedUav(NOW_S - 5.0, FLYING))
     assert uav.body is not None
     assert near(uav.body.position, 10.0, 21.0, 8.0)
     assert uav.reference is None
     assert not uav.is_armed  # its propellers stand still
     assert (uav.height_m, uav.speed_m_s, uav.off_reference_m) == (None, None, None)
-    text = panel.details(uav, Seen(NOW_S - 5.0, FLYING), now_s=NOW_S).replace("\\", "")
+    text = panel.details(uav, WatchedUav(NOW_S - 5.0, FLYING), now_s=NOW_S).replace("\\", "")
     assert text.startswith("### uav_1: LOST since 22:13:15 UTC: no telemetry for 5 s, it was FLYING_AUTO")
     assert "What was known then (5.0 s old)" in text
 
 
 def test_a_daemon_that_ended_is_lost_at_once() -> None:
-    uav = look(Seen(NOW_S - 0.1, FLYING, gone_s=NOW_S))
+    uav = look(WatchedUav(NOW_S - 0.1, FLYING, gone_s=NOW_S))
     assert uav.colour == GREY
     assert "its daemon has ended, it was FLYING_AUTO" in uav.label
 
@@ -97,7 +97,7 @@ def test_an_old_pose_is_not_the_present_however_new_its_telemetry_is() -> None:
     poses = PoseTimes()
 
     def look_at(time_s: float, stamp_s: float) -> tuple[Shown, str]:
-        seen = Seen(time_s, dataclasses.replace(FLYING, stamp_s=stamp_s))
+        seen = WatchedUav(time_s, dataclasses.replace(FLYING, stamp_s=stamp_s))
         since_s = poses.since_s("uav_1", seen, time_s)
         utc_s = UTC_S + time_s - NOW_S
         uav = shown("uav_1", seen, now_s=time_s, utc_s=utc_s, lost_after_s=LOST_AFTER_S, pose_since_s=since_s)
@@ -118,28 +118,29 @@ def test_an_old_pose_is_not_the_present_however_new_its_telemetry_is() -> None:
 
 def test_a_pose_without_a_time_is_not_judged_by_it() -> None:
     poses = PoseTimes()
-    assert poses.since_s("uav_1", Seen(NOW_S, FLYING), NOW_S) is None
-    assert poses.since_s("uav_1", Seen(NOW_S, Telemetry(State.UNINITIALIZED, stamp_s=3.0)), NOW_S) is None
+    assert poses.since_s("uav_1", WatchedUav(NOW_S, FLYING), NOW_S) is None
+    assert poses.since_s("uav_1", WatchedUav(NOW_S, Telemetry(State.UNINITIALIZED, stamp_s=3.0)), NOW_S) is None
 
 
 def test_a_uav_that_was_never_seen_says_so() -> None:
-    assert look(Seen(NOW_S)).label == "uav_1: no telemetry yet"
+    assert look(WatchedUav(NOW_S)).label == "uav_1: no telemetry yet"
     assert (
-        look(Seen(NOW_S - 3.0, None, "LINK_LOST: x")).label == "uav_1: never seen: no telemetry for 3 s: LINK_LOST: x"
+        look(WatchedUav(NOW_S - 3.0, None, "LINK_LOST: x")).label
+        == "uav_1: never seen: no telemetry for 3 s: LINK_LOST: x"
     )
 
 
 def test_what_is_not_known_is_not_drawn() -> None:
-    uav = look(Seen(NOW_S, Telemetry(State.UNINITIALIZED, "no pose")))
+    uav = look(WatchedUav(NOW_S, Telemetry(State.UNINITIALIZED, "no pose")))
     assert (uav.body, uav.reference, uav.odom, uav.height_m) == (None, None, None, None)
     nowhere = dataclasses.replace(FLYING, transform=Transform(Vector3(math.nan, 0.0, 0.0)))
-    assert look(Seen(NOW_S, nowhere)).body is None
+    assert look(WatchedUav(NOW_S, nowhere)).body is None
     lost_frame = dataclasses.replace(FLYING, frame_lost="the autopilot rebooted", transform=None, odometry=None)
-    assert look(Seen(NOW_S, lost_frame)).label == "uav_1 FLYING_AUTO: FRAME LOST"
+    assert look(WatchedUav(NOW_S, lost_frame)).label == "uav_1 FLYING_AUTO: FRAME LOST"
 
 
 def test_the_panel_names_what_an_operator_looks_for() -> None:
-    seen = Seen(NOW_S, dataclasses.replace(FLYING, health=Health(link_quality=0.5, failsafe="battery failsafe")))
+    seen = WatchedUav(NOW_S, dataclasses.replace(FLYING, health=Health(link_quality=0.5, failsafe="battery failsafe")))
     text = panel.details(look(seen), seen, now_s=NOW_S).replace("\\", "")
     for words in ("in the air", "25 % after 7 s", "12.34 m left", "battery failsafe", "pose 0.0 s old; 50 %"):
         assert words in text
@@ -148,15 +149,15 @@ def test_the_panel_names_what_an_operator_looks_for() -> None:
 def test_the_panel_has_what_is_carried_but_not_of_a_lost_uav() -> None:
     carried = (("gripper claw", "closed"),)
     assert "| gripper claw | closed |" in panel.details(
-        look(Seen(NOW_S, FLYING)), Seen(NOW_S, FLYING), now_s=NOW_S, carried=carried
+        look(WatchedUav(NOW_S, FLYING)), WatchedUav(NOW_S, FLYING), now_s=NOW_S, carried=carried
     )
-    lost = Seen(NOW_S - 10.0, FLYING)
+    lost = WatchedUav(NOW_S - 10.0, FLYING)
     assert "claw" not in panel.details(look(lost), lost, now_s=NOW_S, carried=carried)
 
 
 def test_words_of_an_autopilot_are_no_markup() -> None:
     evil = dataclasses.replace(FLYING, status_text="<img src=x onerror=alert(1)> {a} | **c**\n# d http://b")
-    text = panel.details(look(Seen(NOW_S, evil)), Seen(NOW_S, evil), now_s=NOW_S)
+    text = panel.details(look(WatchedUav(NOW_S, evil)), WatchedUav(NOW_S, evil), now_s=NOW_S)
     line = next(line for line in text.splitlines() if "onerror" in line)
     assert line == (r"| autopilot says | \<img src=x onerror=alert\(1\)\> \{a\} \| \*\*c\*\* \# d http\://b |")
 
@@ -217,8 +218,15 @@ def test_a_trail_and_a_chart_do_not_grow() -> None:
 def test_the_journal_has_each_change_once() -> None:
     journal = Journal()
     spoken = dataclasses.replace(FLYING, status_text="Low battery")
-    old = Seen(NOW_S - 100.0, spoken)
-    for seen in (Seen(NOW_S, FLYING), Seen(NOW_S, FLYING), Seen(NOW_S, spoken), Seen(NOW_S, spoken), old, old):
+    old = WatchedUav(NOW_S - 100.0, spoken)
+    for seen in (
+        WatchedUav(NOW_S, FLYING),
+        WatchedUav(NOW_S, FLYING),
+        WatchedUav(NOW_S, spoken),
+        WatchedUav(NOW_S, spoken),
+        old,
+        old,
+    ):
         journal.look(look(seen), seen, UTC_S)
     journal.refused("uav_1", "go to 1 2 3", GeofenceError("outside"), UTC_S)
     ended = TaskInfo("1", TaskKind.LAND, TaskStatus.ABORTED, error=GeofenceError("no"), description="land")
@@ -236,6 +244,6 @@ def test_the_journal_has_each_change_once() -> None:
 def test_the_journal_has_a_loss_once_although_its_age_grows() -> None:
     journal = Journal()
     for age_s in (4.7, 4.9, 5.1):
-        seen = Seen(NOW_S, dataclasses.replace(FLYING, status_text=f"nothing heard for {age_s:.1f} s"))
+        seen = WatchedUav(NOW_S, dataclasses.replace(FLYING, status_text=f"nothing heard for {age_s:.1f} s"))
         journal.look(look(seen), seen, UTC_S)
     assert sum("nothing heard" in line for line in journal.lines("uav_1")) == 1

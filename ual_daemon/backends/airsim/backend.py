@@ -13,17 +13,17 @@ from ual.errors import RejectedByAutopilotError
 from ual.interface import Simulation
 from ual.types import Capability, Limits
 from ual_daemon.backends import futures
-from ual_daemon.backends.airsim.cameras import AirsimCameras, Place
+from ual_daemon.backends.airsim.cameras import AirsimCameras, LocalFramePlace
 from ual_daemon.backends.airsim.clock import SimulatorClock
-from ual_daemon.backends.airsim.commands import Action, CommandQueue
+from ual_daemon.backends.airsim.commands import Action, AirsimCommandQueue
 from ual_daemon.backends.airsim.fetching import PictureFetcher
 from ual_daemon.backends.airsim.link import Simulator, SimulatorLink
-from ual_daemon.backends.airsim.pilot import Pilot
+from ual_daemon.backends.airsim.pilot import AirsimPilot
 from ual_daemon.backends.airsim.procedures import Procedures
-from ual_daemon.backends.airsim.rpc import Connection
-from ual_daemon.backends.airsim.session import LINK_S, Request, Session, nothing
-from ual_daemon.backends.airsim.setpoints import SetpointSender
-from ual_daemon.backends.airsim.settings import DEFAULT_URL, SECTION, Address, AirsimSettings, parse_address
+from ual_daemon.backends.airsim.rpc import RpcConnection
+from ual_daemon.backends.airsim.session import LINK_S, AirsimRequest, AirsimSession, nothing
+from ual_daemon.backends.airsim.setpoints import AirsimSetpointSender
+from ual_daemon.backends.airsim.settings import DEFAULT_URL, SECTION, AirsimAddress, AirsimSettings, parse_address
 from ual_daemon.backends.airsim.simulation import AirsimSimulation
 from ual_daemon.backends.airsim.snapshots import API, HOVER, REMOTE_CONTROL, projection_of
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, SimulatedPilot, UpdateCallback
@@ -72,20 +72,20 @@ class AirsimBackend(Backend):
         self._info: tuple[Simulator | None, VehicleInfo | None] = (None, None)
         link = SimulatorLink(address, settings.vehicle_name, settings.rate_hz, self._connect, self._wall_s)
         self._link = link
-        self._commands = CommandQueue(address, f"airsim commands {options.ns}")
-        self._sender = SetpointSender(address, lambda: self._session.vehicle, lambda: self._session.report)
+        self._commands = AirsimCommandQueue(address, f"airsim commands {options.ns}")
+        self._sender = AirsimSetpointSender(address, lambda: self._session.vehicle, lambda: self._session.report)
         self._mailbox = SetpointMailbox(self._sender.send, clock, f"airsim setpoints {options.ns}")
-        self._session = Session(link, self._commands, self._mailbox, clock, settings.mass_kg, self._wall_s)
+        self._session = AirsimSession(link, self._commands, self._mailbox, clock, settings.mass_kg, self._wall_s)
         link.on_connect = self._on_connect
         fetcher = PictureFetcher(address, f"airsim pictures {options.ns}", lambda: self._session.vehicle)
         self._cameras = AirsimCameras(fetcher, self._place, lambda: link.trouble)
         self._session.on_pose = self._cameras.on_report
         self._procedures = Procedures(lambda: self._session.vehicle)
-        self._pilot = Pilot(address, lambda: self._session.vehicle, lambda: self._session.report)
+        self._pilot = AirsimPilot(address, lambda: self._session.vehicle, lambda: self._session.report)
         self._desk = CommandDesk(self._session.loop, clock, self._session.reach)
 
-    def _connect(self, address: Address) -> Connection:
-        return Connection(address)
+    def _connect(self, address: AirsimAddress) -> RpcConnection:
+        return RpcConnection(address)
 
     def _wall_s(self) -> float:
         """The clock of this computer, by which silences and pauses are judged."""
@@ -172,13 +172,13 @@ class AirsimBackend(Backend):
     @override
     def take_control(self) -> Future[None]:
         actions = (self._procedures.enable, self._procedures.hover) if self._is_off else (self._controlling,)
-        request = Request(actions, self._session.begin_control)
+        request = AirsimRequest(actions, self._session.begin_control)
         return self._desk.give("take control", lambda: Command("take control", request, FLYING, mode=API.name))
 
     @override
     def hold(self) -> Future[None]:
         self._session.begin_hold()
-        request = Request((self._procedures.require_own_control, self._procedures.hover))
+        request = AirsimRequest((self._procedures.require_own_control, self._procedures.hover))
         return self._desk.give("hold", lambda: Command("hold", request, FLYING, mode=HOVER.name))
 
     @override
@@ -218,7 +218,7 @@ class AirsimBackend(Backend):
         """Gives a command for a vehicle on the ground: the simulator would disarm it in the air, too."""
         if not self._is_on_ground():
             return _refusal(f"{what.capitalize()}: not on the ground")
-        command = Command(what, Request(actions, begin), ARMING, mode=API.name, waits=self._why_not_on_ground)
+        command = Command(what, AirsimRequest(actions, begin), ARMING, mode=API.name, waits=self._why_not_on_ground)
         return self._desk.give(what, lambda: command)
 
     def _why_not_on_ground(self, _: Snapshot) -> str:
@@ -236,9 +236,9 @@ class AirsimBackend(Backend):
         assert self._link.simulator is not None
         self._cameras.on_connect(self._link.simulator.cameras, has_booted)
 
-    def _place(self) -> Place:
+    def _place(self) -> LocalFramePlace:
         simulator = self._link.simulator
-        return Place(self._session.boots_count, None if simulator is None else projection_of(simulator))
+        return LocalFramePlace(self._session.boots_count, None if simulator is None else projection_of(simulator))
 
 
 def _refusal(text: str) -> Future[None]:

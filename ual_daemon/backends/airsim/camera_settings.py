@@ -40,16 +40,16 @@ class Capture(msgspec.Struct, frozen=True):
         return self.projection.lower() != "orthographic"
 
 
-class _Camera(msgspec.Struct, frozen=True):
+class _CameraEntry(msgspec.Struct, frozen=True):
     captures: tuple[Capture, ...] = msgspec.field(name="CaptureSettings", default=())
 
 
 class _Vehicle(msgspec.Struct, frozen=True):
-    cameras: dict[str, _Camera] = msgspec.field(name="Cameras", default_factory=dict)
+    cameras: dict[str, _CameraEntry] = msgspec.field(name="Cameras", default_factory=dict)
 
 
 class _Settings(msgspec.Struct, frozen=True):
-    defaults: _Camera = msgspec.field(name="CameraDefaults", default=_Camera())
+    defaults: _CameraEntry = msgspec.field(name="CameraDefaults", default=_CameraEntry())
     vehicles: dict[str, _Vehicle] = msgspec.field(name="Vehicles", default_factory=dict)
 
 

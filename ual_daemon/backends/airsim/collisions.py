@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ual_daemon.backends.airsim.state import Report
+from ual_daemon.backends.airsim.state import AirsimReport
 
 _GROUND = -0.7
 """Downward component of a collision's normal (north, east, down) below which the UAV touches the ground: it stands
@@ -18,7 +18,7 @@ class CollisionWatch:
     def __init__(self) -> None:
         self._last_s: float | None = None
 
-    def observe(self, report: Report) -> str:
+    def observe(self, report: AirsimReport) -> str:
         """Returns with what the vehicle has just collided; empty if with nothing."""
         collision = report.collision
         touched_s = collision.time_stamp * 1e-9

@@ -11,12 +11,12 @@ from concurrent.futures import Future
 from ual.errors import LinkLostError, RejectedByAutopilotError
 from ual_daemon import logs
 from ual_daemon.backends import futures
-from ual_daemon.backends.airsim.rpc import Caller, Connection, RemoteError, T
-from ual_daemon.backends.airsim.settings import Address
+from ual_daemon.backends.airsim.rpc import RemoteError, RpcCaller, RpcConnection, T
+from ual_daemon.backends.airsim.settings import AirsimAddress
 
 _log = logging.getLogger(__name__)
 
-Action = Callable[[Caller], None]
+Action = Callable[[RpcCaller], None]
 """Executes one command. Raises RefusedError or RemoteError where the simulator refuses."""
 
 
@@ -36,7 +36,7 @@ control; and a vehicle that was given API control falls until its command has co
 class _Calls:
     """The calls of one command."""
 
-    def __init__(self, connection: Connection, answer: Future[None]) -> None:
+    def __init__(self, connection: RpcConnection, answer: Future[None]) -> None:
         self._connection = connection
         self._answer = answer
         self.post = connection.post
@@ -47,16 +47,16 @@ class _Calls:
         return self._connection.call(kind, timeout_s, method, *arguments)
 
 
-class CommandQueue:
+class AirsimCommandQueue:
     """One thread that executes commands in their order."""
 
-    def __init__(self, address: Address, thread_name: str) -> None:
+    def __init__(self, address: AirsimAddress, thread_name: str) -> None:
         self._address = address
         self._queue: queue.SimpleQueue[tuple[Action, Future[None]] | None] = queue.SimpleQueue()
         self._given = futures.OpenFutures()
         self._lock = threading.Lock()
         self._unfinished_count = 0
-        self._connection: Connection | None = None
+        self._connection: RpcConnection | None = None
         self._is_closed = False
         self._thread = threading.Thread(target=self._run, name=thread_name, daemon=True)
 
@@ -129,11 +129,11 @@ class CommandQueue:
         with self._lock:
             self._unfinished_count += by
 
-    def _connected(self) -> Connection:
+    def _connected(self) -> RpcConnection:
         with self._lock:
             if self._connection is not None:
                 return self._connection
-        connection = Connection(self._address)
+        connection = RpcConnection(self._address)
         with self._lock:
             self._connection = connection
         return connection

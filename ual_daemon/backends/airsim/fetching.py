@@ -17,9 +17,9 @@ from typing import NamedTuple, TypeVar
 from ual.cameras import ImageFormat, ImageKind
 from ual.errors import LinkLostError, RejectedByAutopilotError, UalError, UalTimeoutError
 from ual_daemon import logs
-from ual_daemon.backends.airsim.pictures import CameraState, EmptyPictureError, Picture, data_of, request_of
-from ual_daemon.backends.airsim.rpc import Connection, RemoteError
-from ual_daemon.backends.airsim.settings import Address
+from ual_daemon.backends.airsim.pictures import AirsimPicture, CameraState, EmptyPictureError, data_of, request_of
+from ual_daemon.backends.airsim.rpc import RemoteError, RpcConnection
+from ual_daemon.backends.airsim.settings import AirsimAddress
 from ual_daemon.backends.engine.picture_worker import PictureWorker
 
 T = TypeVar("T")
@@ -42,7 +42,7 @@ _WHY = "does it run with a display (-RenderOffscreen, and not -nullrhi)?"
 class Fetched(NamedTuple):
     """A picture, its bytes, and the tangent of half the view of the camera's scene (see `CameraState.tangent`)."""
 
-    picture: Picture
+    picture: AirsimPicture
     data: bytes
     format: ImageFormat
     tangent: float | None
@@ -51,12 +51,12 @@ class Fetched(NamedTuple):
 class PictureFetcher:
     """Fetches one picture after another. From any thread; `vehicle` returns the vehicle's name in the simulator."""
 
-    def __init__(self, address: Address, thread_name: str, vehicle: Callable[[], str]) -> None:
+    def __init__(self, address: AirsimAddress, thread_name: str, vehicle: Callable[[], str]) -> None:
         self._address = address
         self._vehicle = vehicle
         self._worker = PictureWorker(thread_name)
         self._lock = threading.Lock()
-        self._connection: Connection | None = None
+        self._connection: RpcConnection | None = None
         self._overdue_since_s = math.nan
         self._is_closed = False
         self._more: tuple[object, ...] = ()
@@ -98,9 +98,9 @@ class PictureFetcher:
             self.disconnect()
             raise LinkLostError(f"the simulator sent no picture: {error or repr(error)}") from None
 
-    def _ask(self, connection: Connection, camera: str, kind: ImageKind, patience_s: float) -> Fetched:
+    def _ask(self, connection: RpcConnection, camera: str, kind: ImageKind, patience_s: float) -> Fetched:
         request = [request_of(camera, kind)]
-        found = self._call(connection, list[Picture], patience_s, "simGetImages", request, self._vehicle())
+        found = self._call(connection, list[AirsimPicture], patience_s, "simGetImages", request, self._vehicle())
         if not found:
             raise EmptyPictureError("it sent none")
         data, encoding = data_of(found[0], kind)
@@ -108,7 +108,7 @@ class PictureFetcher:
         state = self._call(connection, CameraState, _CAMERA_S, "simGetCameraInfo", camera, self._vehicle())
         return Fetched(found[0], data, encoding, state.tangent)
 
-    def _call(self, connection: Connection, kind: type[T], patience_s: float, method: str, *arguments: object) -> T:
+    def _call(self, connection: RpcConnection, kind: type[T], patience_s: float, method: str, *arguments: object) -> T:
         try:
             return self._answered(connection, kind, patience_s, method, *arguments, *self._more)
         except RemoteError as error:
@@ -117,7 +117,9 @@ class PictureFetcher:
             self._more = (_IS_EXTERNAL,)
             return self._answered(connection, kind, patience_s, method, *arguments, *self._more)
 
-    def _answered(self, connection: Connection, kind: type[T], patience_s: float, method: str, *arguments: object) -> T:
+    def _answered(
+        self, connection: RpcConnection, kind: type[T], patience_s: float, method: str, *arguments: object
+    ) -> T:
         number = connection.request(method, *arguments)
         if not connection.has_answer(number, patience_s):
             connection.give_up(number)
@@ -126,16 +128,16 @@ class PictureFetcher:
             raise UalTimeoutError(f"the simulator has not rendered a picture within {patience_s:.1f} s: {_WHY}")
         return connection.answer(kind, number, 0.0)
 
-    def _require_answered(self, connection: Connection) -> None:
+    def _require_answered(self, connection: RpcConnection) -> None:
         connection.drain()
         if connection.unwanted_count:
             late_s = time.monotonic() - self._overdue_since_s
             raise UalTimeoutError(f"the simulator still renders a picture requested {late_s:.0f} s ago: {_WHY}")
 
-    def _connected(self) -> Connection:
+    def _connected(self) -> RpcConnection:
         with self._lock:
             if self._is_closed:
                 raise ConnectionAbortedError("the backend is closed")
             if self._connection is None:
-                self._connection = Connection(self._address, _LONGEST_BYTES)
+                self._connection = RpcConnection(self._address, _LONGEST_BYTES)
             return self._connection

@@ -14,9 +14,9 @@ import msgspec
 
 from ual_daemon import logs
 from ual_daemon.backends.airsim.camera_settings import NamedCamera, cameras_of
-from ual_daemon.backends.airsim.rpc import Connection, RemoteError
-from ual_daemon.backends.airsim.settings import Address
-from ual_daemon.backends.airsim.state import Collision, Location, Report, Rotors, State
+from ual_daemon.backends.airsim.rpc import RemoteError, RpcConnection
+from ual_daemon.backends.airsim.settings import AirsimAddress
+from ual_daemon.backends.airsim.state import AirsimReport, Collision, Location, MultirotorState, Rotors
 
 _log = logging.getLogger(__name__)
 
@@ -25,7 +25,7 @@ _GIVE_UP_S = 3.0
 """Seconds without an answer after which a connection is made anew."""
 _CALL_S = 2.0
 _QUESTIONS: tuple[tuple[type, str], ...] = (
-    (State, "getMultirotorState"),
+    (MultirotorState, "getMultirotorState"),
     (Rotors, "getRotorStates"),
     (bool, "isApiControlEnabled"),
 )
@@ -57,10 +57,10 @@ class SimulatorLink:
 
     def __init__(
         self,
-        address: Address,
+        address: AirsimAddress,
         vehicle_name: str,
         rate_hz: float,
-        connect: Callable[[Address], Connection],
+        connect: Callable[[AirsimAddress], RpcConnection],
         wall_s: Callable[[], float],
     ) -> None:
         self.on_connect: Callable[[bool], None]
@@ -72,7 +72,7 @@ class SimulatorLink:
         self._wall_s = wall_s
         self._waking = threading.Event()
         self._is_closing = False
-        self._connection: Connection | None = None
+        self._connection: RpcConnection | None = None
         self._due_s = -math.inf
         """Time of the next poll or connection attempt."""
         self._number: int | None = None
@@ -106,7 +106,7 @@ class SimulatorLink:
         if connection is not None:
             connection.close()
 
-    def receive(self, timeout_s: float) -> Report | None:
+    def receive(self, timeout_s: float) -> AirsimReport | None:
         """Goes on for about so long: connects, or polls. Returns the report of a poll once it is complete."""
         if not self._is_due(timeout_s):
             return None
@@ -145,7 +145,7 @@ class SimulatorLink:
         self.simulator = self._identify(self._connection)
         self._connected(self.simulator)
 
-    def _poll(self, connection: Connection, timeout_s: float) -> Report | None:
+    def _poll(self, connection: RpcConnection, timeout_s: float) -> AirsimReport | None:
         if self._number is None:
             assert self.simulator is not None
             self._is_old, self._due_s = False, time.monotonic() + self._period_s / self.simulator.clock_speed
@@ -167,21 +167,21 @@ class SimulatorLink:
         self._polls_count += 1
         return (*_QUESTIONS, _COLLISION) if asks_collision else _QUESTIONS
 
-    def _ask(self, connection: Connection) -> None:
+    def _ask(self, connection: RpcConnection) -> None:
         assert self.simulator is not None
         method = self._questions[len(self._answers)][1]
         self._number, self._asked_s = connection.request(method, self.simulator.vehicle), self._wall_s()
 
-    def _end_poll(self) -> Report | None:
+    def _end_poll(self) -> AirsimReport | None:
         if len(self._answers) > len(_QUESTIONS):
             self._collision = self._answers.pop()
         state, rotors, has_api_control = self._answers
-        report = Report(state, rotors, has_api_control, self._collision)
+        report = AirsimReport(state, rotors, has_api_control, self._collision)
         self._number = None
         self._answers.clear()
         return None if self._is_old else report
 
-    def _identify(self, connection: Connection) -> Simulator:
+    def _identify(self, connection: RpcConnection) -> Simulator:
         vehicles = tuple(connection.call(list[str], _CALL_S, "listVehicles"))
         vehicle = self._chosen(vehicles)
         home = connection.call(Location, _CALL_S, "getHomeGeoPoint", vehicle)

@@ -26,7 +26,7 @@ class EmptyPictureError(Exception):
     """The simulator has rendered nothing; the message says why, human-readable."""
 
 
-class Picture(msgspec.Struct, frozen=True):
+class AirsimPicture(msgspec.Struct, frozen=True):
     """One answer of ``simGetImages``. Where the camera was is north, east, down from where the vehicle began."""
 
     image_data_uint8: bytes | list[int]
@@ -49,7 +49,7 @@ class Picture(msgspec.Struct, frozen=True):
         return Pose(self.camera_position.to_enu(), self.camera_orientation.to_enu())
 
 
-class Projection(msgspec.Struct, frozen=True):
+class CameraProjection(msgspec.Struct, frozen=True):
     """A matrix from x along the view, y right, z down."""
 
     matrix: list[list[float]]
@@ -58,7 +58,7 @@ class Projection(msgspec.Struct, frozen=True):
 class CameraState(msgspec.Struct, frozen=True):
     """The answer to ``simGetCameraInfo``. Its pose is in other frames by version, and its angle is the viewport's."""
 
-    proj_mat: Projection
+    proj_mat: CameraProjection
 
     @property
     def tangent(self) -> float | None:
@@ -81,7 +81,7 @@ def request_of(camera: str, kind: ImageKind) -> dict[str, Any]:
     }
 
 
-def data_of(picture: Picture, kind: ImageKind) -> tuple[bytes, ImageFormat]:
+def data_of(picture: AirsimPicture, kind: ImageKind) -> tuple[bytes, ImageFormat]:
     """Returns the bytes of a picture, and how they are encoded.
 
     Raises:

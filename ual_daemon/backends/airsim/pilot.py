@@ -16,9 +16,9 @@ from typing import NamedTuple
 from ual.geometry import Vector3
 from ual_daemon import logs
 from ual_daemon.backends.airsim.commands import RefusedError
-from ual_daemon.backends.airsim.rpc import Caller, Connection, RemoteError
-from ual_daemon.backends.airsim.settings import Address
-from ual_daemon.backends.airsim.state import Report, State
+from ual_daemon.backends.airsim.rpc import RemoteError, RpcCaller, RpcConnection
+from ual_daemon.backends.airsim.settings import AirsimAddress
+from ual_daemon.backends.airsim.state import AirsimReport, MultirotorState
 
 _log = logging.getLogger(__name__)
 
@@ -32,7 +32,7 @@ _HOVER, _THRUST_PER_M_S, _THRUST_PER_M = 0.61, 0.3, 0.3
 _YAW_PER_RAD_S = 1.0 / math.pi
 
 
-class Sticks(NamedTuple):
+class RcSticks(NamedTuple):
     """Positions of the sticks, each from -1 to 1. `turn` is counter-clockwise seen from above."""
 
     forward: float = 0.0
@@ -47,16 +47,18 @@ class Hands:
     def __init__(self) -> None:
         self._throttle = _HOVER
 
-    def channels(self, sticks: Sticks, velocity: Vector3, yaw_rad: float, is_on_ground: bool, step_s: float) -> Sticks:
+    def channels(
+        self, sticks: RcSticks, velocity: Vector3, yaw_rad: float, is_on_ground: bool, step_s: float
+    ) -> RcSticks:
         """Returns pitch (forward), roll (to the left), throttle (0 to 1) and yaw (to the left)."""
         if is_on_ground and sticks.up <= 0.0:
             self._throttle = _HOVER
-            return Sticks()
+            return RcSticks()
         cos, sin = math.cos(yaw_rad), math.sin(yaw_rad)
         forward_m_s, left_m_s = velocity.x * cos + velocity.y * sin, velocity.y * cos - velocity.x * sin
         slow_m_s = sticks.up * _CLIMB_M_S - velocity.z
         self._throttle = min(max(self._throttle + slow_m_s * _THRUST_PER_M * step_s, 0.3), 0.9)
-        return Sticks(
+        return RcSticks(
             _tilt(sticks.forward * _SPEED_M_S - forward_m_s),
             _tilt(sticks.left * _SPEED_M_S - left_m_s),
             min(max(self._throttle + slow_m_s * _THRUST_PER_M_S, 0.1), 1.0),
@@ -64,23 +66,25 @@ class Hands:
         )
 
 
-class Pilot:
+class AirsimPilot:
     """Moves the sticks of one vehicle while API control is off, on a thread of its own."""
 
-    def __init__(self, address: Address, vehicle: Callable[[], str], newest: Callable[[], Report | None]) -> None:
+    def __init__(
+        self, address: AirsimAddress, vehicle: Callable[[], str], newest: Callable[[], AirsimReport | None]
+    ) -> None:
         self._address = address
         self._vehicle = vehicle
         self._newest = newest
         self._stopping = threading.Event()
         self._thread: threading.Thread | None = None
-        self.sticks = Sticks()
+        self.sticks = RcSticks()
 
     @property
     def is_flying(self) -> bool:
         """Whether the sticks are held."""
         return self._thread is not None and self._thread.is_alive() and not self._stopping.is_set()
 
-    def take_over(self, connection: Caller) -> None:
+    def take_over(self, connection: RpcCaller) -> None:
         """Takes the sticks, and switches API control off. Runs on the thread of the commands.
 
         Raises:
@@ -88,8 +92,8 @@ class Pilot:
         """
         if not self.is_flying:
             self._require_sticks(connection)
-            self._stopping, self.sticks = threading.Event(), Sticks()
-            arguments = (self._stopping, Connection(self._address))
+            self._stopping, self.sticks = threading.Event(), RcSticks()
+            arguments = (self._stopping, RpcConnection(self._address))
             self._thread = threading.Thread(target=self._fly, args=arguments, name="airsim pilot", daemon=True)
             self._thread.start()
         connection.call(object, _ANSWER_S, "enableApiControl", False, self._vehicle())
@@ -101,17 +105,17 @@ class Pilot:
         if thread is not None and thread is not threading.current_thread():
             thread.join()
 
-    def _require_sticks(self, connection: Caller) -> None:
+    def _require_sticks(self, connection: RpcCaller) -> None:
         """Tries whether the simulator keeps the sticks that its API moves: not where a real remote control does."""
         report = self._newest()
         if report is not None and report.state.rc_data.is_valid:
             raise RefusedError("the vehicle has a remote control: take over with that")
-        connection.call(object, _ANSWER_S, "moveByRC", *_sticks_moved(Sticks(up=_HOVER), self._vehicle()))
+        connection.call(object, _ANSWER_S, "moveByRC", *_sticks_moved(RcSticks(up=_HOVER), self._vehicle()))
         time.sleep(_SEEN_S)
-        if not connection.call(State, _ANSWER_S, "getMultirotorState", self._vehicle()).rc_data.is_valid:
+        if not connection.call(MultirotorState, _ANSWER_S, "getMultirotorState", self._vehicle()).rc_data.is_valid:
             raise RefusedError("the simulator does not keep the sticks that its API moves (moveByRC)")
 
-    def _fly(self, stopping: threading.Event, connection: Connection) -> None:
+    def _fly(self, stopping: threading.Event, connection: RpcConnection) -> None:
         hands, has_taken, timestamp = Hands(), False, 0
         try:
             while not stopping.wait(_PERIOD_S):
@@ -131,7 +135,7 @@ class Pilot:
             stopping.set()
             connection.close()
 
-    def _move(self, connection: Connection, hands: Hands, report: Report, step_s: float) -> None:
+    def _move(self, connection: RpcConnection, hands: Hands, report: AirsimReport, step_s: float) -> None:
         is_on_ground = report.state.kinematics_estimated.linear_velocity.norm() < 0.01 and not report.is_flying
         velocity = report.velocity.linear
         channels = hands.channels(self.sticks, velocity, report.pose.yaw_rad, is_on_ground, step_s)
@@ -142,9 +146,9 @@ def _tilt(slow_m_s: float) -> float:
     return min(max(slow_m_s * _TILT_PER_M_S, -_MOST_TILT), _MOST_TILT)
 
 
-def _sticks_moved(channels: Sticks | None, vehicle: str) -> tuple[object, ...]:
+def _sticks_moved(channels: RcSticks | None, vehicle: str) -> tuple[object, ...]:
     """Returns the arguments of ``moveByRC``; None: nobody holds the sticks."""
-    forward, left, up, turn = channels or Sticks()
+    forward, left, up, turn = channels or RcSticks()
     data: dict[str, object] = {
         "timestamp": 0,
         "pitch": forward,

@@ -1,4 +1,4 @@
-"""The commands as calls of the simulator. Each is executed on the thread of `CommandQueue`."""
+"""The commands as calls of the simulator. Each is executed on the thread of `AirsimCommandQueue`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from ual.geometry import Vector3
 from ual_daemon.backends.airsim.commands import RefusedError
-from ual_daemon.backends.airsim.rpc import Caller
+from ual_daemon.backends.airsim.rpc import RpcCaller
 from ual_daemon.backends.airsim.setpoints import move_arguments
 from ual_daemon.backends.values import VelocitySetpoint
 
@@ -31,21 +31,21 @@ class Procedures:
     def __init__(self, vehicle: Callable[[], str]) -> None:
         self._vehicle = vehicle
 
-    def arm(self, connection: Caller) -> None:
+    def arm(self, connection: RpcCaller) -> None:
         """Arms; the API must have control for that."""
         self._require_api_control(connection)
         self.start_motors(connection)
 
-    def disarm(self, connection: Caller) -> None:
+    def disarm(self, connection: RpcCaller) -> None:
         """Disarms. The simulator does it in the air, too: the caller refuses that."""
         self._require_api_control(connection)
         self.stop_motors(connection)
 
-    def hover(self, connection: Caller) -> None:
+    def hover(self, connection: RpcCaller) -> None:
         """Stops the vehicle, which then hovers by itself."""
         connection.post("moveByVelocity", *move_arguments(_STILL, self._vehicle()))
 
-    def take_control(self, connection: Caller) -> None:
+    def take_control(self, connection: RpcCaller) -> None:
         """Gives the API control, and hovers.
 
         A vehicle that gets API control in the air falls until a command comes, also if it had it already.
@@ -53,7 +53,7 @@ class Procedures:
         if self._require_api_control(connection):
             self.hover(connection)
 
-    def place(self, connection: Caller, position: Vector3, yaw_rad: float) -> None:
+    def place(self, connection: RpcCaller, position: Vector3, yaw_rad: float) -> None:
         """Puts the vehicle somewhere, at rest, and disarms it."""
         self._require_api_control(connection)
         self.stop_motors(connection)
@@ -65,23 +65,23 @@ class Procedures:
         still = {**_STANDING, **pose}
         connection.call(object, _ANSWER_S, "simSetKinematics", still, True, self._vehicle())
 
-    def set_wind(self, connection: Caller, wind: Vector3) -> None:
+    def set_wind(self, connection: RpcCaller, wind: Vector3) -> None:
         """Sets the wind of the whole simulator."""
         connection.call(object, _ANSWER_S, "simSetWind", _vector(wind.y, wind.x, -wind.z))
 
-    def pause(self, connection: Caller, stands_still: bool) -> None:
+    def pause(self, connection: RpcCaller, stands_still: bool) -> None:
         """Pauses the simulator, or lets it run on."""
         connection.call(object, _ANSWER_S, "simPause", stands_still)
 
-    def is_paused(self, connection: Caller) -> bool:
+    def is_paused(self, connection: RpcCaller) -> bool:
         """Returns whether the simulator is paused."""
         return connection.call(bool, _ANSWER_S, "simIsPaused")
 
-    def step(self, connection: Caller, duration_s: float) -> None:
+    def step(self, connection: RpcCaller, duration_s: float) -> None:
         """Lets a paused simulator run on for a while. Returns when it has."""
         connection.call(object, _ANSWER_S + 20.0 * duration_s, "simContinueForTime", duration_s)
 
-    def _require_api_control(self, connection: Caller) -> bool:
+    def _require_api_control(self, connection: RpcCaller) -> bool:
         """Gives the API control unless it has it. Returns whether it had none.
 
         Raises:
@@ -92,7 +92,7 @@ class Procedures:
         self.enable(connection)
         return True
 
-    def enable(self, connection: Caller) -> None:
+    def enable(self, connection: RpcCaller) -> None:
         """Gives the API the control, at once.
 
         Raises:
@@ -103,11 +103,11 @@ class Procedures:
         if not connection.call(bool, _ANSWER_S, "isApiControlEnabled", vehicle):
             raise RefusedError("API control is not allowed: see AllowAPIAlways in the simulator's settings.json")
 
-    def start_motors(self, connection: Caller) -> None:
+    def start_motors(self, connection: RpcCaller) -> None:
         """Arms."""
         self._arm_or_disarm(connection, True)
 
-    def require_own_control(self, connection: Caller) -> None:
+    def require_own_control(self, connection: RpcCaller) -> None:
         """Checks that the API has control, and leaves it as it is.
 
         Raises:
@@ -116,7 +116,7 @@ class Procedures:
         if not connection.call(bool, _ANSWER_S, "isApiControlEnabled", self._vehicle()):
             raise RefusedError("the safety pilot has the control (API control is off)")
 
-    def stop_motors(self, connection: Caller) -> None:
+    def stop_motors(self, connection: RpcCaller) -> None:
         """Disarms a vehicle on the ground.
 
         A velocity that is still flown would start the motors again, and could then not be disarmed. So it is ended
@@ -126,6 +126,6 @@ class Procedures:
         self._arm_or_disarm(connection, True)
         self._arm_or_disarm(connection, False)
 
-    def _arm_or_disarm(self, connection: Caller, arms: bool) -> None:
+    def _arm_or_disarm(self, connection: RpcCaller, arms: bool) -> None:
         if not connection.call(bool, _ANSWER_S, "armDisarm", arms, self._vehicle()):
             raise RefusedError("armDisarm returned False")

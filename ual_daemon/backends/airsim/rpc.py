@@ -14,7 +14,7 @@ import msgspec
 
 from ual_daemon.backends import tcp
 from ual_daemon.backends.airsim.framing import least_end
-from ual_daemon.backends.airsim.settings import Address
+from ual_daemon.backends.airsim.settings import AirsimAddress
 
 T = TypeVar("T")
 
@@ -39,8 +39,8 @@ def _decoder(kind: Hashable) -> msgspec.msgpack.Decoder[Any]:
     return msgspec.msgpack.Decoder(cast("type[Any]", kind))
 
 
-class Caller(Protocol):
-    """Caller of the simulator's methods; see `Connection`."""
+class RpcCaller(Protocol):
+    """Caller of the simulator's methods; see `RpcConnection`."""
 
     def call(self, kind: type[T], timeout_s: float, method: str, *arguments: object) -> T:
         """Calls a method, and returns its result."""
@@ -55,10 +55,10 @@ class RemoteError(Exception):
     """The simulator refused a call; the message has its words."""
 
 
-class Connection:
+class RpcConnection:
     """One connection, for one thread. Requests may overlap; an answer is told by the number of its request."""
 
-    def __init__(self, address: Address, longest_bytes: int = _LONGEST_MESSAGE) -> None:
+    def __init__(self, address: AirsimAddress, longest_bytes: int = _LONGEST_MESSAGE) -> None:
         """Connects. An answer that is longer than `longest_bytes` ends the connection.
 
         Raises:

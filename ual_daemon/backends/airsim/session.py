@@ -16,11 +16,11 @@ from ual.geometry import Pose
 from ual_daemon import logs
 from ual_daemon.backends.airsim.clock import SimulatorClock
 from ual_daemon.backends.airsim.collisions import CollisionWatch
-from ual_daemon.backends.airsim.commands import Action, CommandQueue
+from ual_daemon.backends.airsim.commands import Action, AirsimCommandQueue
 from ual_daemon.backends.airsim.link import SimulatorLink
-from ual_daemon.backends.airsim.rpc import Caller
+from ual_daemon.backends.airsim.rpc import RpcCaller
 from ual_daemon.backends.airsim.snapshots import API, COLLISION, HOVER, REMOTE_CONTROL, make_snapshot, projection_of
-from ual_daemon.backends.airsim.state import Report
+from ual_daemon.backends.airsim.state import AirsimReport
 from ual_daemon.backends.engine.command import Verdict
 from ual_daemon.backends.engine.command_runner import CommandRunner, RunnerSettings
 from ual_daemon.backends.engine.link_watch import LinkWatch
@@ -42,32 +42,32 @@ def nothing() -> None:
     """Nothing begins with it."""
 
 
-class Request(NamedTuple):
+class AirsimRequest(NamedTuple):
     """A command as it is executed, and what is to be noted as it leaves."""
 
     actions: tuple[Action, ...]
     begin: Callable[[], None] = nothing
 
-    def execute(self, connection: Caller) -> None:
+    def execute(self, connection: RpcCaller) -> None:
         """Does one after another."""
         for action in self.actions:
             action(connection)
 
 
-class Session:
+class AirsimSession:
     """It is what the loop drives."""
 
     def __init__(
         self,
         link: SimulatorLink,
-        queue: CommandQueue,
+        queue: AirsimCommandQueue,
         mailbox: SetpointMailbox,
         clock: SimulatorClock,
         mass_kg: float,
         wall_s: Callable[[], float],
     ) -> None:
         self.watch = LinkWatch(str(link.address), LINK_S, on_lost=self._discard)
-        self.runner: CommandRunner[Request] = CommandRunner(
+        self.runner: CommandRunner[AirsimRequest] = CommandRunner(
             "the simulator",
             self._transmit,
             self._data,
@@ -89,7 +89,7 @@ class Session:
         self._mass_kg = mass_kg
         self._plausibility = Plausibility()
         self._collisions = CollisionWatch()
-        self._report: Report | None = None
+        self._report: AirsimReport | None = None
         self._snapshot = Snapshot(0.0)
         self._boots_count = 0
         self._sending = threading.Lock()
@@ -100,7 +100,7 @@ class Session:
     # --- From any thread ----------------------------------------------------------------------------------------------
 
     @property
-    def report(self) -> Report | None:
+    def report(self) -> AirsimReport | None:
         """Last report of the simulator; None while the link is down."""
         return self._report if self._link.is_up else None
 
@@ -131,7 +131,7 @@ class Session:
         """Speed of simulated time by the simulator's settings."""
         return 1.0 if self._link.simulator is None else self._link.simulator.clock_speed
 
-    def reach(self, what: str) -> CommandRunner[Request] | LinkLostError:
+    def reach(self, what: str) -> CommandRunner[AirsimRequest] | LinkLostError:
         """Returns what runs commands; or why none can leave."""
         return self.runner if self._link.is_up else LinkLostError(f"cannot {what}: {self._link.trouble}")
 
@@ -233,7 +233,7 @@ class Session:
             self._boots_count = self.watch.begin_boot()
         self._queue.disconnect()  # it was lost as well
 
-    def _on_report(self, report: Report) -> float:
+    def _on_report(self, report: AirsimReport) -> float:
         """Takes what the simulator reports. Returns the time."""
         assert self._link.simulator is not None
         now_s = self._clock.advance(report.time_s)
@@ -262,14 +262,14 @@ class Session:
         self.runner.tick(now_s)  # the loop's own ticks stand still with simulated time
         return now_s
 
-    def _mode(self, report: Report) -> Mode:
+    def _mode(self, report: AirsimReport) -> Mode:
         if not report.has_api_control:
             return REMOTE_CONTROL
         if self._is_holding:
             return HOVER
         return COLLISION if self._has_collided else API
 
-    def _note_collision(self, report: Report, now_s: float, is_on_ground: bool) -> None:
+    def _note_collision(self, report: AirsimReport, now_s: float, is_on_ground: bool) -> None:
         what = self._collisions.observe(report)
         if what:
             self._status_text = f"collision with {what}"
@@ -283,7 +283,7 @@ class Session:
 
     # --- Commands -----------------------------------------------------------------------------------------------------
 
-    def _transmit(self, request: Request, _: int, key: Hashable) -> Callable[[], object]:
+    def _transmit(self, request: AirsimRequest, _: int, key: Hashable) -> Callable[[], object]:
         """Has a command executed. Returns what stops it, as far as its calls have not left yet."""
         request.begin()
         answer = self._queue.submit(request.execute)

@@ -8,9 +8,9 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from ual.geometry import Vector3
-from ual_daemon.backends.airsim.rpc import Connection
-from ual_daemon.backends.airsim.settings import Address
-from ual_daemon.backends.airsim.state import Report
+from ual_daemon.backends.airsim.rpc import RpcConnection
+from ual_daemon.backends.airsim.settings import AirsimAddress
+from ual_daemon.backends.airsim.state import AirsimReport
 from ual_daemon.backends.values import PositionSetpoint, Setpoint, VelocitySetpoint
 
 DURATION_S = 0.5
@@ -52,16 +52,18 @@ def move_arguments(setpoint: VelocitySetpoint, vehicle: str, duration_s: float =
     return velocity.y, velocity.x, -velocity.z, duration_s, _ANY_HEADING, yaw, vehicle
 
 
-class SetpointSender:
+class AirsimSetpointSender:
     """Sends setpoints on a connection of its own, from one thread: that of the mailbox."""
 
-    def __init__(self, address: Address, vehicle: Callable[[], str], newest: Callable[[], Report | None]) -> None:
+    def __init__(
+        self, address: AirsimAddress, vehicle: Callable[[], str], newest: Callable[[], AirsimReport | None]
+    ) -> None:
         """`newest` returns what the simulator reported last; None while the link is down."""
         self._address = address
         self._vehicle = vehicle
         self._newest = newest
         self._lock = threading.Lock()
-        self._connection: Connection | None = None
+        self._connection: RpcConnection | None = None
         self._sent_at: int | None = None
         self._is_closed = False
 
@@ -94,12 +96,12 @@ class SetpointSender:
         self._is_closed = True
         self.disconnect()
 
-    def _connected(self) -> Connection:
+    def _connected(self) -> RpcConnection:
         with self._lock:
             if self._connection is None:
                 if self._is_closed:
                     raise ConnectionAbortedError("the backend is closed")
-                self._connection = Connection(self._address)
+                self._connection = RpcConnection(self._address)
             return self._connection
 
     def disconnect(self) -> None:

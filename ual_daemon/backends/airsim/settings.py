@@ -28,7 +28,7 @@ class AirsimSettings(Settings, frozen=True, kw_only=True):
     mass_kg: Positive = 1.0
 
 
-class Address(NamedTuple):
+class AirsimAddress(NamedTuple):
     """Address of the simulator's RPC server."""
 
     host: str
@@ -38,7 +38,7 @@ class Address(NamedTuple):
         return f"[{self.host}]:{self.port}" if ":" in self.host else f"{self.host}:{self.port}"
 
 
-def parse_address(url: str) -> Address:
+def parse_address(url: str) -> AirsimAddress:
     """Parses ``HOST:PORT``, ``HOST`` or ``[IPV6]:PORT``.
 
     Raises:
@@ -48,4 +48,4 @@ def parse_address(url: str) -> Address:
     port = int(found["port"] or _PORT) if found else 0
     if found is None or not 0 < port < 65536:
         raise ConfigError(f"{url!r} is no address of a simulator: HOST:PORT, such as {DEFAULT_URL}", "url")
-    return Address(found["host"].strip("[]"), port)
+    return AirsimAddress(found["host"].strip("[]"), port)

@@ -14,11 +14,11 @@ from ual.interface import Simulation
 from ual.simulation import SimulationPart
 from ual_daemon import validation
 from ual_daemon.backends.airsim.commands import Action
-from ual_daemon.backends.airsim.pilot import Pilot, Sticks
+from ual_daemon.backends.airsim.pilot import AirsimPilot, RcSticks
 from ual_daemon.backends.airsim.procedures import Procedures
-from ual_daemon.backends.airsim.rpc import Caller
-from ual_daemon.backends.airsim.session import Session
-from ual_daemon.backends.airsim.state import Report
+from ual_daemon.backends.airsim.rpc import RpcCaller
+from ual_daemon.backends.airsim.session import AirsimSession
+from ual_daemon.backends.airsim.state import AirsimReport
 
 _PATIENCE_S = 10.0
 _LOOK_S = 0.02
@@ -29,7 +29,7 @@ _PARTS = frozenset({SimulationPart.PILOT, SimulationPart.TIME, SimulationPart.WI
 class AirsimSimulation(Simulation):
     """See `ual.interface.Simulation`. Each member waits until its effect is seen."""
 
-    def __init__(self, session: Session, procedures: Procedures, pilot: Pilot) -> None:
+    def __init__(self, session: AirsimSession, procedures: Procedures, pilot: AirsimPilot) -> None:
         self._session = session
         self._procedures = procedures
         self._pilot = pilot
@@ -57,7 +57,7 @@ class AirsimSimulation(Simulation):
 
     @override
     def pilot_move_sticks(self, *, forward: float = 0.0, left: float = 0.0, up: float = 0.0, turn: float = 0.0) -> None:
-        sticks = Sticks(
+        sticks = RcSticks(
             validation.number(forward, "forward", at_most=1.0),
             validation.number(left, "left", at_most=1.0),
             validation.number(up, "up", at_most=1.0),
@@ -104,10 +104,10 @@ class AirsimSimulation(Simulation):
         place = validation.position(position, "position")
         yaw_rad = validation.heading(yaw_rad, "yaw_rad")
 
-        def put(connection: Caller) -> None:
+        def put(connection: RpcCaller) -> None:
             self._procedures.place(connection, place, yaw_rad)
 
-        def is_there(report: Report) -> bool:
+        def is_there(report: AirsimReport) -> bool:
             is_near = (report.pose.position - place).horizontal_norm() < _NEAR_M
             return is_near and not report.is_armed and self._session.is_on_ground
 
@@ -131,7 +131,7 @@ class AirsimSimulation(Simulation):
         except NotInTime:
             raise LinkLostError("the simulator does not answer") from None
 
-    def _wait(self, condition: Callable[[Report], bool], what: str) -> None:
+    def _wait(self, condition: Callable[[AirsimReport], bool], what: str) -> None:
         deadline_s = time.monotonic() + _PATIENCE_S
         while (report := self._session.report) is None or not condition(report):
             if time.monotonic() > deadline_s:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ual.types import GpsFix, GpsInfo
 from ual_daemon.backends.airsim.link import Simulator
-from ual_daemon.backends.airsim.state import Report
+from ual_daemon.backends.airsim.state import AirsimReport
 from ual_daemon.backends.values import (
     Cause,
     Condition,
@@ -41,7 +41,7 @@ def projection_of(simulator: Simulator) -> EllipsoidProjection:
 
 
 def make_snapshot(
-    report: Report,
+    report: AirsimReport,
     heard_s: float,
     mode: Mode,
     landed: LandedState,

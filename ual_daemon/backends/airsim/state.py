@@ -84,7 +84,7 @@ class RemoteControl(msgspec.Struct, frozen=True):
     is_valid: bool
 
 
-class State(msgspec.Struct, frozen=True):
+class MultirotorState(msgspec.Struct, frozen=True):
     """The answer to ``getMultirotorState``. Its ``collision`` is always empty."""
 
     kinematics_estimated: Kinematics
@@ -106,10 +106,10 @@ class Rotors(msgspec.Struct, frozen=True):
     rotors: list[Rotor]
 
 
-class Report(msgspec.Struct, frozen=True):
+class AirsimReport(msgspec.Struct, frozen=True):
     """Values of one poll. `collision` may be of an earlier poll."""
 
-    state: State
+    state: MultirotorState
     rotors: Rotors
     has_api_control: bool
     collision: Collision

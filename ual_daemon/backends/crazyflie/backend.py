@@ -16,9 +16,9 @@ from ual_daemon.backends import futures
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, SimulatedPilot, UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.crazyflie import packets
-from ual_daemon.backends.crazyflie.links import Link, ScannedLink, UdpLink, make_link, vehicle_key
+from ual_daemon.backends.crazyflie.links import CrtpLink, CrtpUdpLink, ScannedLink, make_link, vehicle_key
 from ual_daemon.backends.crazyflie.parameters import CrazyflieParameters
-from ual_daemon.backends.crazyflie.session import Session
+from ual_daemon.backends.crazyflie.session import CrazyflieSession
 from ual_daemon.backends.crazyflie.settings import SECTION, CrazyflieSettings
 from ual_daemon.backends.crazyflie.vehicle import describe
 from ual_daemon.backends.mailbox import SetpointMailbox
@@ -44,9 +44,9 @@ class CrazyflieBackend(Backend):
         super().__init__(dataclasses.replace(options, url=self.url))
         self.clock = MonotonicClock()
         self._link = self._make_link()
-        self._is_simulation = isinstance(self._link, UdpLink)
+        self._is_simulation = isinstance(self._link, CrtpUdpLink)
         self._mailbox: SetpointMailbox | None = None
-        self._session: Session | None = None
+        self._session: CrazyflieSession | None = None
         self._resets_count = 0
         self._parameters = CrazyflieParameters(lambda: self._session)
 
@@ -62,7 +62,7 @@ class CrazyflieBackend(Backend):
     def vehicle_key(cls, url: str) -> str:
         return vehicle_key(url)
 
-    def _make_link(self) -> Link:
+    def _make_link(self) -> CrtpLink:
         return ScannedLink() if self.url is None else make_link(self.url)
 
     @override
@@ -73,10 +73,10 @@ class CrazyflieBackend(Backend):
         self._session = self._make_session(on_update)
         self._session.thread.open()
 
-    def _make_session(self, on_update: UpdateCallback) -> Session:
+    def _make_session(self, on_update: UpdateCallback) -> CrazyflieSession:
         name, lost_s = f"crazyflie {self.options.ns}", self.freshness.link_s
         parts = self._link, self._settings, self.clock, on_update, lost_s
-        return Session(*parts, name=name, is_watch_only=self.is_watch_only)
+        return CrazyflieSession(*parts, name=name, is_watch_only=self.is_watch_only)
 
     @override
     def close(self) -> None:
@@ -183,7 +183,7 @@ class CrazyflieBackend(Backend):
     def _pilot_arms(self) -> None:
         futures.wait(self.arm(), _ARMING_LIMIT_S, f"the Crazyflie has not armed within {_ARMING_LIMIT_S:g} s")
 
-    def _command(self, what: str, command: Callable[[Session], Future[None]]) -> Future[None]:
+    def _command(self, what: str, command: Callable[[CrazyflieSession], Future[None]]) -> Future[None]:
         session = self._session
         if session is None:
             return futures.failed(LinkLostError(f"cannot {what}: no Crazyflie is connected"))

@@ -21,8 +21,8 @@ from enum import Enum
 from ual.geometry import Pose, Vector3, wrap_angle
 from ual_daemon.backends.crazyflie import packets
 from ual_daemon.backends.crazyflie.encoder import Encoder, rest
-from ual_daemon.backends.crazyflie.packets import Packet
-from ual_daemon.backends.crazyflie.requests import Request, Requests
+from ual_daemon.backends.crazyflie.packets import CrtpPacket
+from ual_daemon.backends.crazyflie.requests import CrtpRequest, CrtpRequests
 from ual_daemon.backends.values import Control, Mode, PositionSetpoint, Setpoint
 
 HOVERS_AFTER_S = 0.5
@@ -79,7 +79,7 @@ class _Handover:
     """A command to the high-level commander that is on its way."""
 
     phase: Phase
-    request: Request
+    request: CrtpRequest
     stays: PositionSetpoint | None = None
     """Keeps it in the air while no answer comes; None: the layers above do."""
     on_ended: Callable[[str], None] = _nothing
@@ -99,7 +99,7 @@ class Commander:
     """
 
     def __init__(
-        self, emit: Callable[[Packet], None], emit_setpoint: Callable[[Packet], None], *, hovers_by_itself: bool
+        self, emit: Callable[[CrtpPacket], None], emit_setpoint: Callable[[CrtpPacket], None], *, hovers_by_itself: bool
     ) -> None:
         self.encoder = Encoder(0, {})
         self._emit = emit
@@ -108,7 +108,7 @@ class Commander:
         self._lock = threading.Lock()
         self._phase = Phase.SETPOINTS
         self._handover: _Handover | None = None
-        self._replaced: list[Request] = []
+        self._replaced: list[CrtpRequest] = []
         """Requests of earlier handovers, which must not be sent again."""
         self._last: Setpoint | None = None
         self._still_since_s = math.inf
@@ -117,7 +117,7 @@ class Commander:
         self._notify_s: list[float] = []
         self._untold_count = 0
         """First notifications that are still to be sent."""
-        self._again: Packet | None = None
+        self._again: CrtpPacket | None = None
         """A goal that is sent once more before each of the first notifications."""
         self._sending_count = 0
         """Setpoints that are being sent: a radio may block meanwhile."""
@@ -182,7 +182,7 @@ class Commander:
                 self._forget()
 
     def hand_over(
-        self, phase: Phase, request: Request, stays: PositionSetpoint, on_ended: Callable[[str], None]
+        self, phase: Phase, request: CrtpRequest, stays: PositionSetpoint, on_ended: Callable[[str], None]
     ) -> Callable[[], None]:
         """Has the high-level commander take over. Returns what takes that back, at any time.
 
@@ -203,7 +203,7 @@ class Commander:
     # --- From the thread that receives --------------------------------------------------------------------------------
 
     def step(
-        self, requests: Requests, now_s: float, flying: tuple[Pose, Vector3] | None, *, touches: bool = False
+        self, requests: CrtpRequests, now_s: float, flying: tuple[Pose, Vector3] | None, *, touches: bool = False
     ) -> None:
         """Does what is due. `flying` are its pose and velocity while it is in the air.
 
@@ -237,7 +237,7 @@ class Commander:
         if handover is not None:
             self._ask(handover, requests, now_s)
 
-    def _due_notification(self, now_s: float) -> list[Packet]:
+    def _due_notification(self, now_s: float) -> list[CrtpPacket]:
         """Returns the notification that setpoints stop, if it is due. Called with the lock held."""
         if not self._notify_s or now_s < self._notify_s[0]:
             return []
@@ -247,7 +247,7 @@ class Commander:
         self._untold_count = max(0, self._untold_count - 1)
         return [*again, packets.setpoints_stop()]
 
-    def _due_setpoint(self, now_s: float) -> list[Packet]:
+    def _due_setpoint(self, now_s: float) -> list[CrtpPacket]:
         """Returns the setpoint that keeps it in the air while no answer comes, if it is due. Called with the lock held.
 
         Only if setpoints have flown it: the high-level commander that flies already does not stop the motors.
@@ -282,7 +282,7 @@ class Commander:
         if handover.phase is Phase.LANDING:  # not to be taken for the answer to an earlier one
             self._landings_count += 1
             packet = packets.numbered_landing(packet, self._landings_count)
-            handover.request = Request(packet, packet.data[:3])
+            handover.request = CrtpRequest(packet, packet.data[:3])
         return handover
 
     def on_lost(self) -> None:
@@ -335,7 +335,7 @@ class Commander:
         assert isinstance(place, PositionSetpoint)
         self._replace(_Handover(Phase.HOVERING, self.encoder.stay(place.position, place.yaw_rad)))
 
-    def _ask(self, handover: _Handover, requests: Requests, now_s: float) -> None:
+    def _ask(self, handover: _Handover, requests: CrtpRequests, now_s: float) -> None:
         def on_answer(data: bytes) -> None:
             self._on_answer(handover, data[3] if len(data) > 3 else 0, now_s)
 

@@ -17,9 +17,9 @@ from ual_daemon.backends.crazyflie.packets import (
     READ_CHANNEL,
     VERSION_CHANNEL,
     WRITE_CHANNEL,
-    Packet,
+    CrtpPacket,
 )
-from ual_daemon.backends.crazyflie.requests import Request
+from ual_daemon.backends.crazyflie.requests import CrtpRequest
 from ual_daemon.backends.crazyflie.settings import CrazyflieSettings
 from ual_daemon.backends.crazyflie.telemetry import ESTIMATOR, POSITIONING_DECKS
 from ual_daemon.backends.crazyflie.toc import Toc, TocCache
@@ -34,10 +34,10 @@ SPEEDS = ("posCtlPid.xVelMax", "posCtlPid.yVelMax", "posCtlPid.zVelMax")
 READ = (CONTROLLER, ESTIMATOR, *GAINS, *SPEEDS, *POSITIONING_DECKS)
 """The parameters that are read, as far as the firmware has them."""
 _VALUE_OFFSET = 3
-ASK_PROTOCOL = Request(Packet(PLATFORM, VERSION_CHANNEL, b"\0"), b"\0")
-ASK_VERSION = Request(Packet(PLATFORM, VERSION_CHANNEL, b"\1"), b"\1")
+ASK_PROTOCOL = CrtpRequest(CrtpPacket(PLATFORM, VERSION_CHANNEL, b"\0"), b"\0")
+ASK_VERSION = CrtpRequest(CrtpPacket(PLATFORM, VERSION_CHANNEL, b"\1"), b"\1")
 
-Steps = Generator[Sequence[Request], list[bytes], "Firmware"]
+Steps = Generator[Sequence[CrtpRequest], list[bytes], "CrazyflieFirmware"]
 """Yields requests, and gets their answers in the same order."""
 
 
@@ -46,7 +46,7 @@ class UnfitError(Exception):
 
 
 @dataclass(frozen=True, slots=True)
-class Firmware:
+class CrazyflieFirmware:
     """Firmware of one Crazyflie: protocol, log blocks and parameters."""
 
     protocol: int = 0
@@ -60,7 +60,7 @@ def steps(
     settings: CrazyflieSettings,
     cache: TocCache,
     tell: Callable[[str], None],
-    known: Firmware | None,
+    known: CrazyflieFirmware | None,
     *,
     is_watch_only: bool = False,
 ) -> Steps:
@@ -89,14 +89,16 @@ def steps(
     blocks = log_blocks.make_blocks(log_toc, settings.pose_rate_hz, first_ident)
     yield [log_blocks.ask_deletion(block) for block in blocks] if is_watch_only else [log_blocks.ask_reset()]
     yield from _start_log(log_toc, blocks)
-    return Firmware(protocol, blocks, parameters, parameter_toc)
+    return CrazyflieFirmware(protocol, blocks, parameters, parameter_toc)
 
 
 def _read_protocol(data: bytes) -> int:
     return data[1] if len(data) > 1 else 0
 
 
-def _table(port: int, cache: TocCache, tell: Callable[[str], None]) -> Generator[Sequence[Request], list[bytes], Toc]:
+def _table(
+    port: int, cache: TocCache, tell: Callable[[str], None]
+) -> Generator[Sequence[CrtpRequest], list[bytes], Toc]:
     """Reads a table of contents, from the cache if it is there."""
     info = toc.read_info((yield [toc.ask_info(port)])[0])
     cached = cache.load(port, info)
@@ -124,7 +126,7 @@ def _require(log_toc: Toc) -> None:
         logs.event(_log, logging.INFO, "log_variables_missing", variables=", ".join(optional))
 
 
-def _set_parameters(table: Toc, wanted: Mapping[str, float]) -> Generator[Sequence[Request], list[bytes], None]:
+def _set_parameters(table: Toc, wanted: Mapping[str, float]) -> Generator[Sequence[CrtpRequest], list[bytes], None]:
     settable = {name: value for name, value in wanted.items() if name in table and not table[name].is_read_only}
     refused = sorted(wanted.keys() - settable.keys() - ALWAYS_SET.keys())
     if refused:
@@ -132,14 +134,14 @@ def _set_parameters(table: Toc, wanted: Mapping[str, float]) -> Generator[Sequen
     yield [ask_write(table[name], value) for name, value in settable.items()]
 
 
-def ask_write(variable: toc.Variable, value: float) -> Request:
+def ask_write(variable: toc.Variable, value: float) -> CrtpRequest:
     """Returns the request that writes a parameter."""
     ident = struct.pack("<H", variable.ident)
     number = value if variable.format in "efd" else round(value)
-    return Request(Packet(PARAMETER, WRITE_CHANNEL, ident + struct.pack(f"<{variable.format}", number)), ident)
+    return CrtpRequest(CrtpPacket(PARAMETER, WRITE_CHANNEL, ident + struct.pack(f"<{variable.format}", number)), ident)
 
 
-def _read_parameters(table: Toc) -> Generator[Sequence[Request], list[bytes], dict[str, float]]:
+def _read_parameters(table: Toc) -> Generator[Sequence[CrtpRequest], list[bytes], dict[str, float]]:
     present = [name for name in READ if name in table]
     answers = yield [ask_read(table[name]) for name in present]
     values = {}
@@ -159,13 +161,13 @@ def value_of(variable: toc.Variable, data: bytes) -> float | None:
     return found
 
 
-def ask_read(variable: toc.Variable) -> Request:
+def ask_read(variable: toc.Variable) -> CrtpRequest:
     """Returns the request that reads a parameter."""
     ident = struct.pack("<H", variable.ident)
-    return Request(Packet(PARAMETER, READ_CHANNEL, ident), ident)
+    return CrtpRequest(CrtpPacket(PARAMETER, READ_CHANNEL, ident), ident)
 
 
-def _start_log(table: Toc, blocks: Sequence[Block]) -> Generator[Sequence[Request], list[bytes], None]:
+def _start_log(table: Toc, blocks: Sequence[Block]) -> Generator[Sequence[CrtpRequest], list[bytes], None]:
     for block in blocks:
         for request in log_blocks.ask_creation(block, table):
             (answer,) = yield [request]

@@ -17,7 +17,7 @@ LONGEST_GAP_S = 0.25
 """Values that come later than this do not show what was between them."""
 
 
-class Contact:
+class GroundContact:
     """Thrust and velocity over time. Belongs to the thread that receives."""
 
     def __init__(self) -> None:

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from ual.geometry import Pose, Vector3, wrap_angle
 from ual_daemon.backends.crazyflie import packets
 from ual_daemon.backends.crazyflie.connecting import CONTROLLER, GAINS
-from ual_daemon.backends.crazyflie.packets import Packet
-from ual_daemon.backends.crazyflie.requests import Request
+from ual_daemon.backends.crazyflie.packets import CrtpPacket
+from ual_daemon.backends.crazyflie.requests import CrtpRequest
 from ual_daemon.backends.values import PositionSetpoint, Setpoint
 
 _PID = (0, 1)
@@ -42,7 +42,7 @@ class Encoder:
         )
         self._lead_s, self._climb_lead_s, self._yaw_lead_s = 1.0 / max(x, 0.1), 1.0 / max(z, 0.1), 1.0 / max(yaw, 0.1)
 
-    def encode(self, setpoint: Setpoint, here: Vector3 | None = None) -> Packet:
+    def encode(self, setpoint: Setpoint, here: Vector3 | None = None) -> CrtpPacket:
         """Returns the packet of a setpoint. `here` is where it is now; None if that is not known well."""
         if not isinstance(setpoint, PositionSetpoint):
             return packets.velocity_setpoint(setpoint.velocity, setpoint.yaw_rate_rad_s, self._protocol)
@@ -51,7 +51,7 @@ class Encoder:
         motion = setpoint.position, setpoint.velocity, setpoint.acceleration
         return packets.full_state(*motion, setpoint.yaw_rad, setpoint.yaw_rate_rad_s)
 
-    def _leading(self, setpoint: PositionSetpoint, here: Vector3 | None) -> Packet:
+    def _leading(self, setpoint: PositionSetpoint, here: Vector3 | None) -> CrtpPacket:
         """Returns a position that lies ahead by the controller's lag, and by a part of what is missing.
 
         The PID controller takes no velocity with a position: it flies at its gain times the distance. So the position
@@ -67,23 +67,23 @@ class Encoder:
         correction = Vector3() if here is None else _corrected(setpoint.position - here)
         return packets.position_setpoint(setpoint.position + lead + correction, yaw_rad)
 
-    def stay(self, position: Vector3, yaw_rad: float) -> Request:
+    def stay(self, position: Vector3, yaw_rad: float) -> CrtpRequest:
         """Returns the request to hover where it already does."""
         return self._go_to(position, yaw_rad, STAY_S)
 
-    def stop(self, pose: Pose, velocity: Vector3) -> Request:
+    def stop(self, pose: Pose, velocity: Vector3) -> CrtpRequest:
         """Returns the request to come to rest, and to hover there."""
         return self._go_to(rest(pose, velocity).position, pose.yaw_rad, _braking_s(velocity))
 
-    def land(self, height_m: float, ground_m: float, descent_speed_m_s: float) -> Request:
+    def land(self, height_m: float, ground_m: float, descent_speed_m_s: float) -> CrtpRequest:
         """Returns the request to land from a height on the ground, with a speed that is nowhere exceeded."""
         duration_s = max(SHORTEST_LANDING_S, PEAK * (height_m - ground_m) / min(descent_speed_m_s, LANDING_M_S))
         packet = packets.land(ground_m - TOUCH_M, duration_s)
-        return Request(packet, packet.data[:2])
+        return CrtpRequest(packet, packet.data[:2])
 
-    def _go_to(self, position: Vector3, yaw_rad: float, duration_s: float) -> Request:
+    def _go_to(self, position: Vector3, yaw_rad: float, duration_s: float) -> CrtpRequest:
         packet = packets.go_to(position, yaw_rad, duration_s, self._protocol)
-        return Request(packet, packet.data[:2])
+        return CrtpRequest(packet, packet.data[:2])
 
 
 def rest(pose: Pose, velocity: Vector3) -> PositionSetpoint:

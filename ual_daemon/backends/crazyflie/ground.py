@@ -12,7 +12,7 @@ DEEPER_M = 1.5
 """Metres below the known ground to which a landing leads. It ends at the ground, by the thrust and the velocity."""
 
 
-class Ground(NamedTuple):
+class KnownGround(NamedTuple):
     """Known ground, in the local frame. Any thread may read it."""
 
     place: Vector3 | None = None
@@ -21,17 +21,17 @@ class Ground(NamedTuple):
     """Height of the ground where it stood; 0 if that was not measured: it was switched on there."""
 
     @classmethod
-    def seen(cls, place: Vector3) -> Ground:
+    def seen(cls, place: Vector3) -> KnownGround:
         """Returns the ground of a Crazyflie that stands at a place."""
         return cls(place, place.z)
 
-    def jumped(self, offset: Vector3) -> Ground:
+    def jumped(self, offset: Vector3) -> KnownGround:
         """Returns the ground after a jump of the estimate by an offset.
 
         If what tells it where it is has moved its origin, the ground has moved with it. If the estimate was wrong and
         is right now, it has not. The lower one of both counts: the motors must not stop above the ground.
         """
-        return Ground(None, self.z_m + min(0.0, offset.z))
+        return KnownGround(None, self.z_m + min(0.0, offset.z))
 
     def landing_z_m(self, here: Vector3) -> float:
         """Returns the height to land at: where it stood, or deeper where it is not known how low the ground is."""

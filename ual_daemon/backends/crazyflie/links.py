@@ -18,8 +18,8 @@ from urllib.parse import urlsplit
 
 from typing_extensions import override
 
-from ual_daemon.backends.crazyflie.outbox import Outbox
-from ual_daemon.backends.crazyflie.packets import Packet
+from ual_daemon.backends.crazyflie.outbox import PacketOutbox
+from ual_daemon.backends.crazyflie.packets import CrtpPacket
 from ual_daemon.settings import ConfigError
 
 LARGEST_PACKET = 64
@@ -33,11 +33,11 @@ _FLUSH_S = 0.5
 _EXTRA = "install the extra: pip install 'ual-daemon[crazyflie]'"
 
 
-class LinkError(Exception):
+class CrtpLinkError(Exception):
     """The link cannot be opened, or is gone; says why, human-readable."""
 
 
-class Link(ABC):
+class CrtpLink(ABC):
     """A link to one Crazyflie. `send` may be called from any thread, everything else by the thread that receives.
 
     `is_slow` says that `send_now` may block, so that setpoints need a mailbox.
@@ -49,30 +49,30 @@ class Link(ABC):
 
     @abstractmethod
     def open(self) -> None:
-        """Opens it. Raises `LinkError`."""
+        """Opens it. Raises `CrtpLinkError`."""
 
     @abstractmethod
     def close(self) -> None:
         """Closes it; it can be opened again."""
 
     @abstractmethod
-    def receive(self, timeout_s: float) -> list[Packet]:
-        """Waits for packets, and returns those that have come. Raises `LinkError`."""
+    def receive(self, timeout_s: float) -> list[CrtpPacket]:
+        """Waits for packets, and returns those that have come. Raises `CrtpLinkError`."""
 
     @abstractmethod
-    def send(self, packet: Packet) -> None:
+    def send(self, packet: CrtpPacket) -> None:
         """Sends a packet without blocking. What cannot be sent is lost."""
 
-    def send_now(self, packet: Packet) -> None:
+    def send_now(self, packet: CrtpPacket) -> None:
         """Sends a packet before it returns, which may take a while."""
         self.send(packet)
 
-    def send_pose(self, packet: Packet) -> None:
+    def send_pose(self, packet: CrtpPacket) -> None:
         """Sends a pose from outside without blocking. One that cannot be sent at once is replaced by the next."""
         self.send(packet)
 
 
-class UdpLink(Link):
+class CrtpUdpLink(CrtpLink):
     """One CRTP packet for each datagram, to the simulator at a host and port."""
 
     def __init__(self, host: str, port: int) -> None:
@@ -88,7 +88,7 @@ class UdpLink(Link):
             opened.setblocking(False)
             opened.connect(address)
         except (OSError, UnicodeError) as error:  # the latter for a name that no host can have
-            raise LinkError(str(error)) from error
+            raise CrtpLinkError(str(error)) from error
         self._socket = opened
 
     @override
@@ -98,11 +98,11 @@ class UdpLink(Link):
             opened.close()
 
     @override
-    def receive(self, timeout_s: float) -> list[Packet]:
+    def receive(self, timeout_s: float) -> list[CrtpPacket]:
         opened = self._socket
         if opened is None:
             return []
-        found: list[Packet] = []
+        found: list[CrtpPacket] = []
         try:
             if select.select([opened], [], [], timeout_s)[0]:
                 _receive_all(opened, found)
@@ -110,21 +110,21 @@ class UdpLink(Link):
             pass  # nobody listens there now: it may come back
         except OSError as error:
             if error.errno not in _UNREACHABLE:
-                raise LinkError(str(error)) from error
+                raise CrtpLinkError(str(error)) from error
         return found
 
     @override
-    def send(self, packet: Packet) -> None:
+    def send(self, packet: CrtpPacket) -> None:
         opened = self._socket
         if opened is not None:
             with suppress(OSError):
                 opened.send(packet.encode())
 
 
-def _receive_all(opened: socket.socket, found: list[Packet]) -> None:
+def _receive_all(opened: socket.socket, found: list[CrtpPacket]) -> None:
     """Receives until nothing is left, which raises BlockingIOError."""
     while True:
-        packet = Packet.decode(opened.recv(LARGEST_PACKET))
+        packet = CrtpPacket.decode(opened.recv(LARGEST_PACKET))
         if packet is not None:
             found.append(packet)
 
@@ -142,7 +142,7 @@ class Driver(Protocol):
         """Closes the link."""
 
 
-class CflibLink(Link):
+class CflibLink(CrtpLink):
     """A Crazyradio or a USB cable, through a driver of cflib. Several links share one radio."""
 
     is_slow = True
@@ -152,7 +152,7 @@ class CflibLink(Link):
         self._cflib = load_cflib()
         self._driver: Driver | None = None
         self._broken = ""
-        self._outbox = Outbox()
+        self._outbox = PacketOutbox()
         self._thread: threading.Thread | None = None
 
     @override
@@ -161,10 +161,10 @@ class CflibLink(Link):
         try:
             driver = self._cflib.get_link_driver(self.url, None, self._on_error)
         except Exception as error:
-            raise LinkError(str(error) or repr(error)) from error
+            raise CrtpLinkError(str(error) or repr(error)) from error
         if driver is None:
-            raise LinkError(f"cflib has no driver for {self.url}")
-        self._driver, self._outbox = driver, Outbox()
+            raise CrtpLinkError(f"cflib has no driver for {self.url}")
+        self._driver, self._outbox = driver, PacketOutbox()
         self._thread = threading.Thread(
             target=self._send_all, args=(driver, self._outbox), name=f"crazyflie {self.url}", daemon=True
         )
@@ -182,40 +182,40 @@ class CflibLink(Link):
             driver.close()
 
     @override
-    def receive(self, timeout_s: float) -> list[Packet]:
+    def receive(self, timeout_s: float) -> list[CrtpPacket]:
         if self._broken:
-            raise LinkError(self._broken)
+            raise CrtpLinkError(self._broken)
         driver = self._driver
         received = None if driver is None else driver.receive_packet(timeout_s)
         found = []
         while driver is not None and received is not None:
-            packet = Packet.decode(bytes((received.header,)) + bytes(received.data))
+            packet = CrtpPacket.decode(bytes((received.header,)) + bytes(received.data))
             if packet is not None:
                 found.append(packet)
             received = driver.receive_packet(0)
         return found
 
     @override
-    def send(self, packet: Packet) -> None:
+    def send(self, packet: CrtpPacket) -> None:
         self._outbox.put(packet)
 
     @override
-    def send_pose(self, packet: Packet) -> None:
+    def send_pose(self, packet: CrtpPacket) -> None:
         self._outbox.put_pose(packet)
 
     @override
-    def send_now(self, packet: Packet) -> None:
+    def send_now(self, packet: CrtpPacket) -> None:
         driver = self._driver
         if driver is not None:
             self._send_through(driver, packet)
 
-    def _send_all(self, driver: Driver, outbox: Outbox) -> None:
+    def _send_all(self, driver: Driver, outbox: PacketOutbox) -> None:
         """Sends what waits until the link is closed; the last packets may be those that keep it in the air."""
         while (packet := outbox.take()) is not None:
             if not self._broken:
                 self._send_through(driver, packet)
 
-    def _send_through(self, driver: Driver, packet: Packet) -> None:
+    def _send_through(self, driver: Driver, packet: CrtpPacket) -> None:
         from cflib.crtp.crtpstack import CRTPPacket
 
         try:
@@ -244,7 +244,7 @@ def load_cflib() -> Any:  # noqa: ANN401  a module without types
     return crtp
 
 
-def make_link(url: str) -> Link:
+def make_link(url: str) -> CrtpLink:
     """Returns the link for a URL; it is not open yet.
 
     Raises:
@@ -261,7 +261,7 @@ def make_link(url: str) -> Link:
         raise ConfigError(
             f"{url!r} is no URL of a Crazyflie: radio://0/80/2M/E7E7E7E7E7, usb://0 or udp://HOST:PORT", "url"
         )
-    return UdpLink(host, port)
+    return CrtpUdpLink(host, port)
 
 
 def vehicle_key(url: str) -> str:
@@ -298,26 +298,26 @@ def scan() -> list[str]:
         drivers = [driver() for driver in crtp.CLASSES if radios or driver.__name__ != "RadioDriver"]
         found = [str(url) for driver in drivers for url, _ in driver.scan_interface(None)]
     except Exception as error:
-        raise LinkError(str(error) or repr(error)) from error
+        raise CrtpLinkError(str(error) or repr(error)) from error
     if not found:
-        raise LinkError("no Crazyflie found" + ("" if radios else ", and no Crazyradio"))
+        raise CrtpLinkError("no Crazyflie found" + ("" if radios else ", and no Crazyradio"))
     return found
 
 
-class ScannedLink(Link):
+class ScannedLink(CrtpLink):
     """The link to the only Crazyflie that a scan finds; scans whenever it is opened."""
 
     is_slow = True
 
     def __init__(self) -> None:
         load_cflib()
-        self._link: Link | None = None
+        self._link: CrtpLink | None = None
 
     @override
     def open(self) -> None:
         found = scan()
         if len(found) > 1:
-            raise LinkError(f"several Crazyflies: give --url, one of {', '.join(found)}")
+            raise CrtpLinkError(f"several Crazyflies: give --url, one of {', '.join(found)}")
         link = make_link(found[0])
         link.open()
         self._link, self.url = link, found[0]
@@ -329,20 +329,20 @@ class ScannedLink(Link):
             link.close()
 
     @override
-    def receive(self, timeout_s: float) -> list[Packet]:
+    def receive(self, timeout_s: float) -> list[CrtpPacket]:
         return [] if self._link is None else self._link.receive(timeout_s)
 
     @override
-    def send(self, packet: Packet) -> None:
+    def send(self, packet: CrtpPacket) -> None:
         if self._link is not None:
             self._link.send(packet)
 
     @override
-    def send_now(self, packet: Packet) -> None:
+    def send_now(self, packet: CrtpPacket) -> None:
         if self._link is not None:
             self._link.send_now(packet)
 
     @override
-    def send_pose(self, packet: Packet) -> None:
+    def send_pose(self, packet: CrtpPacket) -> None:
         if self._link is not None:
             self._link.send_pose(packet)

@@ -12,9 +12,9 @@ from ual_daemon.backends.crazyflie.packets import (
     LOG_CONTROL_CHANNEL,
     RESET_LOG,
     START_BLOCK,
-    Packet,
+    CrtpPacket,
 )
-from ual_daemon.backends.crazyflie.requests import Request
+from ual_daemon.backends.crazyflie.requests import CrtpRequest
 from ual_daemon.backends.crazyflie.toc import LOG_FORMATS, Toc
 
 HEADER = 4
@@ -94,17 +94,17 @@ def _block(ident: int, toc: Toc, variables: tuple[Logged, ...], rate_hz: float) 
     return Block(ident, max(1, round(1.0 / (rate_hz * _PERIOD_S))), present, layout)
 
 
-def ask_reset() -> Request:
+def ask_reset() -> CrtpRequest:
     """Returns the request to forget all blocks, also those of another client."""
     return _control(bytes((RESET_LOG,)), bytes((RESET_LOG,)))
 
 
-def ask_deletion(block: Block) -> Request:
+def ask_deletion(block: Block) -> CrtpRequest:
     """Returns the request to forget one block, which need not be there."""
     return _control(bytes((DELETE_BLOCK, block.ident)), bytes((DELETE_BLOCK, block.ident)))
 
 
-def ask_creation(block: Block, toc: Toc) -> tuple[Request, ...]:
+def ask_creation(block: Block, toc: Toc) -> tuple[CrtpRequest, ...]:
     """Returns the requests that create a block, one after the other: the first creates it, the others extend it."""
     requests = []
     for first in range(0, len(block.variables), _PER_PACKET):
@@ -115,7 +115,7 @@ def ask_creation(block: Block, toc: Toc) -> tuple[Request, ...]:
     return tuple(requests)
 
 
-def ask_start(block: Block) -> Request:
+def ask_start(block: Block) -> CrtpRequest:
     """Returns the request to send a block's values periodically."""
     return _control(bytes((START_BLOCK, block.ident, block.period)), bytes((START_BLOCK, block.ident)))
 
@@ -138,5 +138,5 @@ def milliseconds(data: bytes) -> int:
 _PER_PACKET = 9
 
 
-def _control(data: bytes, prefix: bytes) -> Request:
-    return Request(Packet(LOG, LOG_CONTROL_CHANNEL, data), prefix)
+def _control(data: bytes, prefix: bytes) -> CrtpRequest:
+    return CrtpRequest(CrtpPacket(LOG, LOG_CONTROL_CHANNEL, data), prefix)

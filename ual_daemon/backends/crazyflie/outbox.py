@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable
 
 from ual_daemon.backends.clock import steady_s
-from ual_daemon.backends.crazyflie.packets import Packet
+from ual_daemon.backends.crazyflie.packets import CrtpPacket
 
 LARGEST = 64
 """Most packets that wait; more are lost."""
@@ -15,7 +15,7 @@ OLDEST_POSE_S = 0.2
 """A pose from outside that had to wait for longer is not sent: the estimator takes it for where it is now."""
 
 
-class Outbox:
+class PacketOutbox:
     """Packets in their order, and the newest pose from outside, which is sent when no packet waits. For any thread.
 
     A newer pose replaces one that has not left. So poses, which come as fast as their source measures, never delay
@@ -25,18 +25,18 @@ class Outbox:
     def __init__(self, now_s: Callable[[], float] = steady_s) -> None:
         self._now_s = now_s
         self._changed = threading.Condition()
-        self._packets: deque[Packet] = deque()
-        self._pose: tuple[Packet, float] | None = None
+        self._packets: deque[CrtpPacket] = deque()
+        self._pose: tuple[CrtpPacket, float] | None = None
         self._is_closed = False
 
-    def put(self, packet: Packet) -> None:
+    def put(self, packet: CrtpPacket) -> None:
         """Adds a packet; it is lost if too many wait."""
         with self._changed:
             if len(self._packets) < LARGEST:
                 self._packets.append(packet)
                 self._changed.notify()
 
-    def put_pose(self, packet: Packet) -> None:
+    def put_pose(self, packet: CrtpPacket) -> None:
         """Replaces the pose that is to be sent."""
         with self._changed:
             self._pose = packet, self._now_s()
@@ -48,7 +48,7 @@ class Outbox:
             self._is_closed, self._pose = True, None
             self._changed.notify()
 
-    def take(self) -> Packet | None:
+    def take(self) -> CrtpPacket | None:
         """Blocks until there is something to send; returns None at the end."""
         with self._changed:
             while True:

@@ -40,7 +40,7 @@ _QUATERNION_MASK = (1 << _QUATERNION_BITS) - 1
 ALL_GROUPS = 0
 
 
-class Packet(NamedTuple):
+class CrtpPacket(NamedTuple):
     """One CRTP packet."""
 
     port: int
@@ -52,7 +52,7 @@ class Packet(NamedTuple):
         return bytes((self.port << 4 | _ALWAYS_SET | self.channel,)) + self.data
 
     @classmethod
-    def decode(cls, raw: bytes) -> Packet | None:
+    def decode(cls, raw: bytes) -> CrtpPacket | None:
         """Returns the packet; None if it is empty (the link's own)."""
         if not raw or raw[0] & _EMPTY == _EMPTY:
             return None
@@ -61,12 +61,12 @@ class Packet(NamedTuple):
 
 def full_state(
     position: Vector3, velocity: Vector3, acceleration: Vector3, yaw_rad: float, yaw_rate_rad_s: float
-) -> Packet:
+) -> CrtpPacket:
     """Returns a setpoint with the whole motion. The position must be within `fits_full_state`."""
     numbers = (*position, *velocity, *acceleration)
     quaternion = compress(Quaternion(0.0, 0.0, math.sin(yaw_rad / 2.0), math.cos(yaw_rad / 2.0)))
     turn = (0, 0, _int16(yaw_rate_rad_s))
-    return Packet(SETPOINT, 0, struct.pack("<B9hI3h", _FULL_STATE, *map(_int16, numbers), quaternion, *turn))
+    return CrtpPacket(SETPOINT, 0, struct.pack("<B9hI3h", _FULL_STATE, *map(_int16, numbers), quaternion, *turn))
 
 
 def fits_full_state(position: Vector3) -> bool:
@@ -74,42 +74,42 @@ def fits_full_state(position: Vector3) -> bool:
     return all(abs(each) * _MILLI <= _LARGEST_INT16 for each in position)
 
 
-def position_setpoint(position: Vector3, yaw_rad: float) -> Packet:
+def position_setpoint(position: Vector3, yaw_rad: float) -> CrtpPacket:
     """Returns a setpoint of a position and heading."""
-    return Packet(SETPOINT, 0, struct.pack("<B4f", _POSITION, *position, math.degrees(yaw_rad)))
+    return CrtpPacket(SETPOINT, 0, struct.pack("<B4f", _POSITION, *position, math.degrees(yaw_rad)))
 
 
-def velocity_setpoint(velocity: Vector3, yaw_rate_rad_s: float, protocol: int) -> Packet:
+def velocity_setpoint(velocity: Vector3, yaw_rate_rad_s: float, protocol: int) -> CrtpPacket:
     """Returns a setpoint of a velocity along the local axes and a yaw rate (positive: to the left)."""
     is_straight = protocol >= FIRST_STRAIGHT_YAW_PROTOCOL
     kind, sign = (_VELOCITY, 1.0) if is_straight else (_VELOCITY_LEGACY, -1.0)
-    return Packet(SETPOINT, 0, struct.pack("<B4f", kind, *velocity, sign * math.degrees(yaw_rate_rad_s)))
+    return CrtpPacket(SETPOINT, 0, struct.pack("<B4f", kind, *velocity, sign * math.degrees(yaw_rate_rad_s)))
 
 
-def setpoints_stop() -> Packet:
+def setpoints_stop() -> CrtpPacket:
     """Returns the notification that setpoints stop, so that the high-level commander's are taken."""
-    return Packet(SETPOINT, 1, struct.pack("<BI", 0, 0))
+    return CrtpPacket(SETPOINT, 1, struct.pack("<BI", 0, 0))
 
 
-def go_to(position: Vector3, yaw_rad: float, duration_s: float, protocol: int) -> Packet:
+def go_to(position: Vector3, yaw_rad: float, duration_s: float, protocol: int) -> CrtpPacket:
     """Returns the high-level command to fly to a place, and to stay there."""
     where = (*position, yaw_rad, duration_s)
     if protocol < FIRST_GO_TO_PROTOCOL:
-        return Packet(HIGH_LEVEL, 0, struct.pack("<BB?5f", GO_TO_LEGACY, ALL_GROUPS, False, *where))
-    return Packet(HIGH_LEVEL, 0, struct.pack("<BB??5f", GO_TO, ALL_GROUPS, False, False, *where))
+        return CrtpPacket(HIGH_LEVEL, 0, struct.pack("<BB?5f", GO_TO_LEGACY, ALL_GROUPS, False, *where))
+    return CrtpPacket(HIGH_LEVEL, 0, struct.pack("<BB??5f", GO_TO, ALL_GROUPS, False, False, *where))
 
 
-def land(height_m: float, duration_s: float) -> Packet:
+def land(height_m: float, duration_s: float) -> CrtpPacket:
     """Returns the high-level command to land at the present place and heading, at a height in the local frame."""
-    return Packet(HIGH_LEVEL, 0, struct.pack("<BBff?f", LAND, ALL_GROUPS, height_m, 0.0, True, duration_s))
+    return CrtpPacket(HIGH_LEVEL, 0, struct.pack("<BBff?f", LAND, ALL_GROUPS, height_m, 0.0, True, duration_s))
 
 
-def stop() -> Packet:
+def stop() -> CrtpPacket:
     """Returns the high-level command that stops the motors."""
-    return Packet(HIGH_LEVEL, 0, bytes((STOP, ALL_GROUPS)))
+    return CrtpPacket(HIGH_LEVEL, 0, bytes((STOP, ALL_GROUPS)))
 
 
-def numbered_landing(packet: Packet, number: int) -> Packet:
+def numbered_landing(packet: CrtpPacket, number: int) -> CrtpPacket:
     """Returns a landing whose answer differs from that of another number: its third byte comes back with the answer.
 
     It is the lowest byte of the height, which changes by less than 0.1 mm (below 3 m).
@@ -117,27 +117,27 @@ def numbered_landing(packet: Packet, number: int) -> Packet:
     return packet._replace(data=packet.data[:2] + bytes((number & 0xFF,)) + packet.data[3:])
 
 
-def arm(protocol: int, *, is_armed: bool) -> Packet:
+def arm(protocol: int, *, is_armed: bool) -> CrtpPacket:
     """Returns the command to arm or disarm."""
     port, channel = (SUPERVISOR, 1) if protocol >= FIRST_SUPERVISOR_PROTOCOL else (PLATFORM, 0)
-    return Packet(port, channel, bytes((SET_ARMED, is_armed)))
+    return CrtpPacket(port, channel, bytes((SET_ARMED, is_armed)))
 
 
-def refuses_arming(packet: Packet) -> bool:
+def refuses_arming(packet: CrtpPacket) -> bool:
     """Returns whether a packet is the firmware's answer that it does not arm or disarm."""
     is_answer = packet.port == SUPERVISOR or (packet.port == PLATFORM and packet.channel == 0)
     data = packet.data
     return is_answer and len(data) > 1 and data[0] & ~RESPONSE == SET_ARMED and not data[1]
 
 
-def external_pose(position: Vector3, orientation: Quaternion) -> Packet:
+def external_pose(position: Vector3, orientation: Quaternion) -> CrtpPacket:
     """Returns a pose from outside, for the estimator."""
-    return Packet(LOCALIZATION, 1, struct.pack("<B7f", _EXTERNAL_POSE, *position, *orientation))
+    return CrtpPacket(LOCALIZATION, 1, struct.pack("<B7f", _EXTERNAL_POSE, *position, *orientation))
 
 
-def external_position(position: Vector3) -> Packet:
+def external_position(position: Vector3) -> CrtpPacket:
     """Returns a position from outside, for the estimator."""
-    return Packet(LOCALIZATION, 0, struct.pack("<3f", *position))
+    return CrtpPacket(LOCALIZATION, 0, struct.pack("<3f", *position))
 
 
 def compress(orientation: Quaternion) -> int:

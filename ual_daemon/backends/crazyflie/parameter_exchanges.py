@@ -19,7 +19,7 @@ from ual.errors import (
 from ual.parameters.values import Parameter, ParameterType, is_equal
 from ual_daemon.backends import futures
 from ual_daemon.backends.crazyflie.connecting import ask_read, ask_write, value_of
-from ual_daemon.backends.crazyflie.requests import Request, Requests
+from ual_daemon.backends.crazyflie.requests import CrtpRequest, CrtpRequests
 from ual_daemon.backends.crazyflie.toc import Toc, Variable
 from ual_daemon.backends.engine.contained import defect
 from ual_daemon.backends.offers.parameters import Refusal
@@ -55,12 +55,14 @@ class ParameterExchanges:
 
     """
 
-    def __init__(self, requests: Requests, table: Callable[[], Toc], on_written: Callable[[Parameter], None]) -> None:
+    def __init__(
+        self, requests: CrtpRequests, table: Callable[[], Toc], on_written: Callable[[Parameter], None]
+    ) -> None:
         self._requests = requests
         self._table = table
         self._on_written = on_written
-        self._waiting: deque[_Reading | _Writing] = deque()
-        self._running: _Reading | _Writing | None = None
+        self._waiting: deque[_ParameterReading | _Writing] = deque()
+        self._running: _ParameterReading | _Writing | None = None
 
     def read(self, name: str, future: Future[Parameter]) -> None:
         """Reads one, by its name in any case."""
@@ -71,12 +73,12 @@ class ParameterExchanges:
             return
         read: Future[list[Parameter]] = Future()
         read.add_done_callback(lambda done: _pass_on(done, future))
-        self._add(_Reading(self._requests, [(found, table[found])], read), read)
+        self._add(_ParameterReading(self._requests, [(found, table[found])], read), read)
 
     def read_all(self, future: Future[list[Parameter]]) -> None:
         """Reads all whose type UAL has, in the order of the table."""
         known = [each for each in self._table().items() if each[1].format in TYPES]
-        self._add(_Reading(self._requests, sorted(known, key=lambda each: each[1].ident), future), future)
+        self._add(_ParameterReading(self._requests, sorted(known, key=lambda each: each[1].ident), future), future)
 
     def write(self, wanted: Parameter, refusal: Refusal, future: Future[Parameter]) -> None:
         """Writes one and reads it back; see `AutopilotParameters.write`."""
@@ -106,7 +108,7 @@ class ParameterExchanges:
         if self._running.future.done():
             self._running.withdraw()
 
-    def _add(self, exchange: _Reading | _Writing, future: Future[list[Parameter]] | Future[Parameter]) -> None:
+    def _add(self, exchange: _ParameterReading | _Writing, future: Future[list[Parameter]] | Future[Parameter]) -> None:
         if len(self._waiting) >= MOST_WAITING:
             text = f"{MOST_WAITING} reads and writes of parameters wait already, which is the limit"
             futures.fail(future, ResourceExhaustedError(text, {"limit": str(MOST_WAITING)}))
@@ -114,7 +116,7 @@ class ParameterExchanges:
             self._waiting.append(exchange)
 
 
-def _tick(running: _Reading | _Writing, now_s: float) -> None:
+def _tick(running: _ParameterReading | _Writing, now_s: float) -> None:
     """Goes on with one. A defect ends it, and not the link: the firmware stops the motors where setpoints stop."""
     try:
         running.tick(now_s)
@@ -122,17 +124,17 @@ def _tick(running: _Reading | _Writing, now_s: float) -> None:
         futures.fail(running.future, defect("exchange parameters", error))
 
 
-class _Reading:
+class _ParameterReading:
     """Reads some, a few at a time."""
 
     def __init__(
-        self, requests: Requests, variables: Sequence[tuple[str, Variable]], future: Future[list[Parameter]]
+        self, requests: CrtpRequests, variables: Sequence[tuple[str, Variable]], future: Future[list[Parameter]]
     ) -> None:
         self.future = future
         self._requests = requests
         self._variables = variables
         self._next = 0
-        self._asked: dict[int, Request] = {}
+        self._asked: dict[int, CrtpRequest] = {}
         self._found: dict[int, Parameter] = {}
         self._end_s: float | None = None
 
@@ -176,7 +178,7 @@ class _Writing:
 
     def __init__(
         self,
-        requests: Requests,
+        requests: CrtpRequests,
         wanted: Parameter,
         variable: Variable,
         refusal: Refusal,
@@ -189,7 +191,7 @@ class _Writing:
         self._variable = variable
         self._refusal = refusal
         self._on_written = on_written
-        self._asked: Request | None = None
+        self._asked: CrtpRequest | None = None
         self._is_written = False
         self._end_s: float | None = None
 

@@ -13,7 +13,7 @@ from ual.parameters.values import Parameter
 from ual_daemon.backends import futures
 from ual_daemon.backends.crazyflie.connecting import ALWAYS_SET, READ
 from ual_daemon.backends.crazyflie.parameter_exchanges import ParameterExchanges
-from ual_daemon.backends.crazyflie.session import Session
+from ual_daemon.backends.crazyflie.session import CrazyflieSession
 from ual_daemon.backends.offers.parameters import AutopilotParameters, Refusal
 
 T = TypeVar("T")
@@ -24,7 +24,7 @@ class CrazyflieParameters(AutopilotParameters):
 
     relied_on = frozenset((*READ, *ALWAYS_SET))
 
-    def __init__(self, session: Callable[[], Session | None]) -> None:
+    def __init__(self, session: Callable[[], CrazyflieSession | None]) -> None:
         self._session = session
 
     @override

@@ -5,23 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-from ual_daemon.backends.crazyflie.packets import Packet
+from ual_daemon.backends.crazyflie.packets import CrtpPacket
 
 WINDOW = 8
 """Most requests on their way at once; the firmware has a short queue for each port."""
 FIRST_REPEAT_S, LONGEST_REPEAT_S = 0.1, 0.4
 
 
-class Request(NamedTuple):
+class CrtpRequest(NamedTuple):
     """A packet to send, and how the answer begins: on the same port, and the same channel if no other is given."""
 
-    packet: Packet
+    packet: CrtpPacket
     answer_prefix: bytes
     answer_channel: int | None = None
 
 
-class _Pending:
-    def __init__(self, request: Request, on_answer: Callable[[bytes], None], repeat_s: float | None) -> None:
+class _PendingRequest:
+    def __init__(self, request: CrtpRequest, on_answer: Callable[[bytes], None], repeat_s: float | None) -> None:
         self.request = request
         self.on_answer = on_answer
         self.due_s = 0.0
@@ -29,25 +29,25 @@ class _Pending:
         self.longest_s = LONGEST_REPEAT_S if repeat_s is None else repeat_s
 
 
-class Requests:
+class CrtpRequests:
     """The requests of one link that are not answered yet. Not thread-safe: belongs to the thread that receives."""
 
-    def __init__(self, send: Callable[[Packet], None]) -> None:
+    def __init__(self, send: Callable[[CrtpPacket], None]) -> None:
         self._send = send
-        self._pending: list[_Pending] = []
+        self._pending: list[_PendingRequest] = []
 
-    def add(self, request: Request, on_answer: Callable[[bytes], None], repeat_s: float | None = None) -> None:
+    def add(self, request: CrtpRequest, on_answer: Callable[[bytes], None], repeat_s: float | None = None) -> None:
         """Adds a request. `on_answer` gets the data of its answer, once.
 
         `repeat_s` is the interval at which it is repeated; None: an interval that grows.
         """
-        self._pending.append(_Pending(request, on_answer, repeat_s))
+        self._pending.append(_PendingRequest(request, on_answer, repeat_s))
 
     def clear(self) -> None:
         """Forgets all requests."""
         self._pending.clear()
 
-    def withdraw(self, request: Request) -> None:
+    def withdraw(self, request: CrtpRequest) -> None:
         """Forgets a request."""
         self._pending = [each for each in self._pending if each.request is not request]
 
@@ -64,7 +64,7 @@ class Requests:
                 pending.due_s = now_s + pending.repeat_s
                 pending.repeat_s = min(2.0 * pending.repeat_s, pending.longest_s)
 
-    def on_packet(self, packet: Packet) -> bool:
+    def on_packet(self, packet: CrtpPacket) -> bool:
         """Takes an answer. Returns False if it answers nothing that was asked, or is a second answer."""
         for index, pending in enumerate(self._pending):
             if _answers(packet, pending.request):
@@ -74,7 +74,7 @@ class Requests:
         return False
 
 
-def _answers(packet: Packet, request: Request) -> bool:
+def _answers(packet: CrtpPacket, request: CrtpRequest) -> bool:
     channel = request.packet.channel if request.answer_channel is None else request.answer_channel
     return (packet.port, packet.channel) == (request.packet.port, channel) and packet.data.startswith(
         request.answer_prefix

@@ -18,16 +18,16 @@ from ual_daemon.backends.base import UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.crazyflie import connecting, packets
 from ual_daemon.backends.crazyflie.commander import MODES, Commander, Phase
-from ual_daemon.backends.crazyflie.connecting import ASK_VERSION, Firmware
+from ual_daemon.backends.crazyflie.connecting import ASK_VERSION, CrazyflieFirmware
 from ual_daemon.backends.crazyflie.encoder import Encoder, rest
-from ual_daemon.backends.crazyflie.links import Link, LinkError, UdpLink, vehicle_key
-from ual_daemon.backends.crazyflie.packets import CONSOLE, LOG, LOG_DATA_CHANNEL, Packet
+from ual_daemon.backends.crazyflie.links import CrtpLink, CrtpLinkError, CrtpUdpLink, vehicle_key
+from ual_daemon.backends.crazyflie.packets import CONSOLE, LOG, LOG_DATA_CHANNEL, CrtpPacket
 from ual_daemon.backends.crazyflie.parameter_exchanges import ParameterExchanges
-from ual_daemon.backends.crazyflie.requests import Request, Requests
+from ual_daemon.backends.crazyflie.requests import CrtpRequest, CrtpRequests
 from ual_daemon.backends.crazyflie.settings import CrazyflieSettings
-from ual_daemon.backends.crazyflie.supervision import LinkState, Supervision
-from ual_daemon.backends.crazyflie.supervisor import Supervisor, troubles, why_not_disarm, why_not_fly
-from ual_daemon.backends.crazyflie.telemetry import Telemetry
+from ual_daemon.backends.crazyflie.supervision import CrazyflieLinkState, CrazyflieSupervision
+from ual_daemon.backends.crazyflie.supervisor import SupervisorFlags, troubles, why_not_disarm, why_not_fly
+from ual_daemon.backends.crazyflie.telemetry import CrazyflieTelemetry
 from ual_daemon.backends.crazyflie.toc import TocCache
 from ual_daemon.backends.crazyflie.values_reader import ValuesReader
 from ual_daemon.backends.crazyflie.vehicle import describe
@@ -49,12 +49,12 @@ Ask: TypeAlias = Callable[[Hashable], "Callable[[], object] | None"]
 """Sends a command, whose answer has this key. Returns what takes it back."""
 
 
-class Session:
+class CrazyflieSession:
     """Belongs to the engine's thread, but for `send`, the commands, `info`, `firmware` and `is_connected`."""
 
     def __init__(
         self,
-        link: Link,
+        link: CrtpLink,
         settings: CrazyflieSettings,
         clock: MonotonicClock,
         on_update: UpdateCallback,
@@ -64,21 +64,21 @@ class Session:
         is_watch_only: bool = False,
     ) -> None:
         """Without values of its pose for `lost_s` the link is lost. `name` is the thread's."""
-        self.firmware = Firmware()
+        self.firmware = CrazyflieFirmware()
         self.info = VehicleInfo()
         self.watch = LinkWatch(link.url, lost_s)
-        self.telemetry = Telemetry(settings.largest_position_std_m)
+        self.telemetry = CrazyflieTelemetry(settings.largest_position_std_m)
         self.commander = Commander(link.send, link.send_now, hovers_by_itself=settings.hovers_by_itself)
         self._settings = settings
-        self._is_simulation = isinstance(link, UdpLink)
+        self._is_simulation = isinstance(link, CrtpUdpLink)
         self._link = link
         self._clock = clock
-        self._requests = Requests(link.send)
+        self._requests = CrtpRequests(link.send)
         self.parameters = ParameterExchanges(self._requests, lambda: self.firmware.table, self._on_written)
         self._reader = ValuesReader(self.telemetry, self.watch)
         cache = TocCache(settings.cache_directory)
         make_steps = partial(connecting.steps, settings, cache, is_watch_only=is_watch_only)
-        self._supervision = Supervision(link, self._requests, make_steps, self._use)
+        self._supervision = CrazyflieSupervision(link, self._requests, make_steps, self._use)
         self._describe("")
         self._failures = OnceLog("a packet of the Crazyflie was dropped; this is a defect of UAL, please report it")
         self.loop = Loop(self, clock, self.watch, on_update)
@@ -91,7 +91,7 @@ class Session:
     @property
     def is_connected(self) -> bool:
         """Whether its values come."""
-        return self._supervision.state is LinkState.CONNECTED
+        return self._supervision.state is CrazyflieLinkState.CONNECTED
 
     # --- Commands, from any thread ------------------------------------------------------------------------------------
 
@@ -152,7 +152,7 @@ class Session:
 
     def _why_wait_to_disarm(self, _: Snapshot) -> str:
         """Its supervisor says "flying" for 2 s after its motors have stopped: disarmed before, it would be locked."""
-        return "its supervisor says that it still flies" if self.telemetry.supervisor & Supervisor.FLYING else ""
+        return "its supervisor says that it still flies" if self.telemetry.supervisor & SupervisorFlags.FLYING else ""
 
     def _holding(self) -> Command[Ask]:
         """Nobody else flies it, and without setpoints it falls: whenever this is executed, it does no harm."""
@@ -173,7 +173,9 @@ class Session:
         mode = MODES[phase].name
         return Command(what, ask, FLYING, mode=mode, own_modes=lambda _: True, is_harmless=is_harmless)
 
-    def _hand_over(self, phase: Phase, request: Request, stays: PositionSetpoint, key: Hashable) -> Callable[[], None]:
+    def _hand_over(
+        self, phase: Phase, request: CrtpRequest, stays: PositionSetpoint, key: Hashable
+    ) -> Callable[[], None]:
         return self.commander.hand_over(phase, request, stays, partial(self._on_handed_over, key))
 
     def _on_handed_over(self, key: Hashable, refusal: str) -> None:
@@ -258,18 +260,18 @@ class Session:
             return None
         return pose.value, velocity.value.linear
 
-    def _wait(self, timeout_s: float) -> list[Packet]:
+    def _wait(self, timeout_s: float) -> list[CrtpPacket]:
         """Waits for packets."""
-        if self._supervision.state is LinkState.OPENING:
+        if self._supervision.state is CrazyflieLinkState.OPENING:
             time.sleep(timeout_s)  # nothing can come yet
             return []
         try:
             return self._link.receive(timeout_s)
-        except LinkError as error:
+        except CrtpLinkError as error:
             self._supervision.reopen(str(error), self._clock.now_s())
             return []
 
-    def _on_packets(self, received: list[Packet], now_s: float) -> None:
+    def _on_packets(self, received: list[CrtpPacket], now_s: float) -> None:
         for packet in received:
             self.telemetry.heard_s = now_s
             try:
@@ -277,9 +279,11 @@ class Session:
             except (ValueError, LookupError, struct.error) as error:  # it may be in the air: the others still count
                 self._failures.log(error)
 
-    def _on_packet(self, packet: Packet, now_s: float) -> None:
+    def _on_packet(self, packet: CrtpPacket, now_s: float) -> None:
         if packet.port == LOG and packet.channel == LOG_DATA_CHANNEL:
-            if self._supervision.state is not LinkState.CONNECTING:  # they may be of another boot, whose blocks are new
+            if (
+                self._supervision.state is not CrazyflieLinkState.CONNECTING
+            ):  # they may be of another boot, whose blocks are new
                 self._reader.on_data(packet.data, now_s, self._clock.utc_s())
         elif packet.port == CONSOLE:
             self.telemetry.on_console(packet.data)
@@ -288,7 +292,7 @@ class Session:
             self._runner.on_text(text)
             self._runner.on_answer(ARMING, Verdict.REFUSED, now_s, text)
 
-    def _use(self, firmware: Firmware, is_new: bool) -> None:
+    def _use(self, firmware: CrazyflieFirmware, is_new: bool) -> None:
         """Uses what was learned of a firmware."""
         self.firmware = firmware
         if is_new:

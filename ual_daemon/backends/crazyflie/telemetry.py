@@ -7,10 +7,10 @@ from collections.abc import Mapping
 
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import Battery, Health
-from ual_daemon.backends.crazyflie.contact import Contact
-from ual_daemon.backends.crazyflie.ground import Ground
+from ual_daemon.backends.crazyflie.contact import GroundContact
+from ual_daemon.backends.crazyflie.ground import KnownGround
 from ual_daemon.backends.crazyflie.packets import decompress
-from ual_daemon.backends.crazyflie.supervisor import SEVERE_TROUBLES, Supervisor, troubles
+from ual_daemon.backends.crazyflie.supervisor import SEVERE_TROUBLES, SupervisorFlags, troubles
 from ual_daemon.backends.engine.plausibility import Plausibility
 from ual_daemon.backends.engine.severe_texts import SEVERE, SevereTexts
 from ual_daemon.backends.values import (
@@ -82,7 +82,7 @@ class BoardTime:
         return abs(error_ms) <= tolerance_s / _MILLI
 
 
-class Telemetry:
+class CrazyflieTelemetry:
     """The newest of each value. Not thread-safe: belongs to the thread that receives. Times are the backend's clock."""
 
     def __init__(self, largest_position_std_m: float) -> None:
@@ -103,7 +103,7 @@ class Telemetry:
 
     def discard_state(self) -> None:
         """Discards what others may have changed while nothing was read. Where it is and whether it flies grows old."""
-        self.info: Sample[Supervisor] | None = None
+        self.info: Sample[SupervisorFlags] | None = None
         self._estimator: Sample[Estimator] | None = None
 
     def discard(self) -> None:
@@ -115,8 +115,8 @@ class Telemetry:
         self._landed: Sample[LandedState] = Sample(LandedState.UNKNOWN, NEVER_S)
         self._moved_s = -math.inf
         self._measured_s = self._stamp_s = 0.0
-        self.ground = Ground()
-        self.contact = Contact()
+        self.ground = KnownGround()
+        self.contact = GroundContact()
 
     def on_motion(self, values: Mapping[str, float], measured_s: float, now_s: float, utc_s: float) -> None:
         """Takes the values of the block `MOTION`."""
@@ -126,7 +126,7 @@ class Telemetry:
         velocity = Twist(linear, self._rates)
         if not self._plausibility.accepts_motion(pose, velocity):
             return
-        self.info = Sample(Supervisor(int(values["supervisor.info"])), now_s)
+        self.info = Sample(SupervisorFlags(int(values["supervisor.info"])), now_s)
         self.pose = Sample(pose, now_s)
         self.velocity = Sample(velocity, now_s)
         self._measured_s, self._stamp_s = measured_s, utc_s
@@ -136,7 +136,7 @@ class Telemetry:
         """Judges by several signals: the supervisor says "flying" for 2 s after the motors have stopped."""
         assert self.info is not None
         assert self.pose is not None
-        is_flying = bool(self.info.value & Supervisor.FLYING)
+        is_flying = bool(self.info.value & SupervisorFlags.FLYING)
         if thrust is not None:
             self.contact.update(thrust, velocity, now_s)
         if velocity.norm() > REST_M_S or (thrust is not None and thrust > 0):
@@ -144,7 +144,7 @@ class Telemetry:
         rests = now_s - self._moved_s >= REST_S
         landed = self._landed_by(thrust, rests=rests, is_flying=is_flying)
         if landed is LandedState.ON_GROUND and rests:
-            self.ground = Ground.seen(self.pose.value.position)
+            self.ground = KnownGround.seen(self.pose.value.position)
         self._landed = Sample(landed, NEVER_S if landed is LandedState.UNKNOWN else now_s)
 
     def _landed_by(self, thrust: float | None, *, rests: bool, is_flying: bool) -> LandedState:
@@ -211,9 +211,9 @@ class Telemetry:
         return self._landed.value is LandedState.ON_GROUND
 
     @property
-    def supervisor(self) -> Supervisor:
+    def supervisor(self) -> SupervisorFlags:
         """The newest state of the supervisor; empty if it is not known."""
-        return Supervisor(0) if self.info is None else self.info.value
+        return SupervisorFlags(0) if self.info is None else self.info.value
 
     @property
     def text(self) -> str:
@@ -229,7 +229,7 @@ class Telemetry:
             time_s=now_s,
             heard_s=self.heard_s,
             control=ControlState(
-                armed=None if info is None else Sample(bool(info.value & Supervisor.ARMED), info.time_s),
+                armed=None if info is None else Sample(bool(info.value & SupervisorFlags.ARMED), info.time_s),
                 landed=self._landed,
                 mode=None if info is None else Sample(mode, info.time_s),
             ),
@@ -262,8 +262,8 @@ class Telemetry:
         self._severe = severe
         return self._severe_texts.fresh(now_s)
 
-    def _health(self, info: Supervisor, found: tuple[str, ...]) -> Health:
-        is_ready = bool(info & (Supervisor.CAN_ARM | Supervisor.ARMED)) and not found
+    def _health(self, info: SupervisorFlags, found: tuple[str, ...]) -> Health:
+        is_ready = bool(info & (SupervisorFlags.CAN_ARM | SupervisorFlags.ARMED)) and not found
         return Health(is_ready, found)
 
 

@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 from ual.shared import whole_file
 from ual_daemon import logs
-from ual_daemon.backends.crazyflie.packets import LOG, PARAMETER, TOC_CHANNEL, TOC_INFO, TOC_ITEM, Packet
-from ual_daemon.backends.crazyflie.requests import Request
+from ual_daemon.backends.crazyflie.packets import LOG, PARAMETER, TOC_CHANNEL, TOC_INFO, TOC_ITEM, CrtpPacket
+from ual_daemon.backends.crazyflie.requests import CrtpRequest
 
 _log = logging.getLogger(__name__)
 
@@ -46,15 +46,15 @@ class TocInfo(NamedTuple):
     checksum: int
 
 
-def ask_info(port: int) -> Request:
+def ask_info(port: int) -> CrtpRequest:
     """Returns the request for the size and checksum of a table."""
-    return Request(Packet(port, TOC_CHANNEL, bytes((TOC_INFO,))), bytes((TOC_INFO,)))
+    return CrtpRequest(CrtpPacket(port, TOC_CHANNEL, bytes((TOC_INFO,))), bytes((TOC_INFO,)))
 
 
-def ask_item(port: int, ident: int) -> Request:
+def ask_item(port: int, ident: int) -> CrtpRequest:
     """Returns the request for one entry."""
     data = struct.pack("<BH", TOC_ITEM, ident)
-    return Request(Packet(port, TOC_CHANNEL, data), data)
+    return CrtpRequest(CrtpPacket(port, TOC_CHANNEL, data), data)
 
 
 def read_info(data: bytes) -> TocInfo:

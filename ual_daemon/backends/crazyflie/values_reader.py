@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ual_daemon.backends.crazyflie import log_blocks
 from ual_daemon.backends.crazyflie.log_blocks import Block
-from ual_daemon.backends.crazyflie.telemetry import BoardTime, Telemetry
+from ual_daemon.backends.crazyflie.telemetry import BoardTime, CrazyflieTelemetry
 from ual_daemon.backends.engine.link_watch import LinkWatch
 
 CLOCK_TOLERANCE_S = 1.0
@@ -12,9 +12,9 @@ CLOCK_TOLERANCE_S = 1.0
 
 
 class ValuesReader:
-    """Fills `Telemetry`. Belongs to the thread that receives."""
+    """Fills `CrazyflieTelemetry`. Belongs to the thread that receives."""
 
-    def __init__(self, telemetry: Telemetry, watch: LinkWatch) -> None:
+    def __init__(self, telemetry: CrazyflieTelemetry, watch: LinkWatch) -> None:
         """The link lives while the values of the motion come."""
         self._telemetry = telemetry
         self._watch = watch

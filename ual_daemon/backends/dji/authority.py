@@ -8,7 +8,7 @@ _FOLLOWS_S = 0.4
 """An aircraft that follows setpoints shows SDK_CONTROL within this time, and one that takes off AUTO_TAKEOFF."""
 
 
-class Authority:
+class DjiAuthority:
     """Control authority by the aircraft's display mode and the grants to UAL.
 
     SDK_CONTROL shows while it follows an SDK. After a take-off it shows P_GPS until the first setpoint comes, also with

@@ -17,15 +17,15 @@ from ual_daemon.backends import futures
 from ual_daemon.backends.base import Backend, BackendOptions, UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.dji.cameras import DjiCameras, Surroundings
-from ual_daemon.backends.dji.commands import Grant, Request, landing, request
+from ual_daemon.backends.dji.commands import DjiRequest, Grant, landing, request
 from ual_daemon.backends.dji.gimbals import DjiGimbal
-from ual_daemon.backends.dji.session import Session
+from ual_daemon.backends.dji.session import DjiSession
 from ual_daemon.backends.dji.settings import SECTION, DjiSettings
-from ual_daemon.backends.dji.telemetry import LINK_S, Telemetry
-from ual_daemon.backends.dji.wrappers import Call, Wrapper
+from ual_daemon.backends.dji.telemetry import LINK_S, DjiTelemetry
+from ual_daemon.backends.dji.wrappers import DjiCall, Wrapper
 from ual_daemon.backends.engine.command import FLYING, Command
 from ual_daemon.backends.engine.command_desk import CommandDesk
-from ual_daemon.backends.engine.contained import Contained
+from ual_daemon.backends.engine.contained import ErrorBarrier
 from ual_daemon.backends.engine.loop import Loop
 from ual_daemon.backends.offers.cameras import Viewpoint
 from ual_daemon.backends.offers.gimbals import OneGimbal
@@ -87,10 +87,10 @@ class DjiBackend(Backend):
         self._url = parse_url(options.url or DEFAULT_URL)
         self.clock = MonotonicClock()
         self._link = self._make_link()
-        self._session = Session(self._link, self.clock, self._settings)
+        self._session = DjiSession(self._link, self.clock, self._settings)
         self._loop = Loop(self._session, self.clock, self._session.watch)
         self._desk = CommandDesk(self._loop, self.clock, self._session.reach)
-        self._info: tuple[Telemetry | None, VehicleInfo | None] = (None, None)
+        self._info: tuple[DjiTelemetry | None, VehicleInfo | None] = (None, None)
         around = Surroundings(
             self._link.call_slow_service,
             self._viewpoint,
@@ -103,7 +103,7 @@ class DjiBackend(Backend):
         self._gimbal = DjiGimbal(around, self._link.publish, self._heading_rad)
         self._gimbals = OneGimbal(self._gimbal)
         self._session.on_payload = self._on_payload
-        self._contained = Contained("the cameras"), Contained("the gimbal")
+        self._contained = ErrorBarrier("the cameras"), ErrorBarrier("the gimbal")
 
     def _make_link(self) -> RosbridgeLink:
         return RosbridgeLink(self._url, self.clock, self._step, on_woke=self._woke)
@@ -125,7 +125,7 @@ class DjiBackend(Backend):
         self._link.close()
         self._loop.end()
 
-    def _release(self, call: Call) -> None:
+    def _release(self, call: DjiCall) -> None:
         answer = self._link.call_service(call.service, call.arguments, _RELEASE_S)
         try:
             answer.result(_RELEASE_S)
@@ -141,7 +141,7 @@ class DjiBackend(Backend):
             self._info = (telemetry, info)
         return info
 
-    def _make_info(self, telemetry: Telemetry | None) -> VehicleInfo:
+    def _make_info(self, telemetry: DjiTelemetry | None) -> VehicleInfo:
         return VehicleInfo(
             autopilot="DJI" if telemetry is None else f"DJI through {telemetry.wrapper.name}",
             capabilities=_CAPABILITIES,
@@ -199,7 +199,7 @@ class DjiBackend(Backend):
             return _refusal("Land: this wrapper's own landing blocks it (VehicleInfo.flies_landing_on_setpoints)")
         return self._desk.give("land", self._landing)
 
-    def _landing(self) -> Command[Request]:
+    def _landing(self) -> Command[DjiRequest]:
         telemetry = self._session.telemetry
         assert telemetry is not None
         assert telemetry.wrapper.land is not None  # `land` has looked
@@ -224,11 +224,11 @@ class DjiBackend(Backend):
         return self._desk.give("hold", lambda: self._session.release(FLYING))
 
     def _with_authority(
-        self, what: str, command: Callable[[Wrapper, Grant], Command[Request]] | None, *, is_known: bool = True
+        self, what: str, command: Callable[[Wrapper, Grant], Command[DjiRequest]] | None, *, is_known: bool = True
     ) -> Future[None]:
         grant, session = Grant(), self._session
 
-        def make() -> Command[Request]:
+        def make() -> Command[DjiRequest]:
             if command is None:
                 session.end_landing()
             return session.with_authority(grant, command, is_known=is_known)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
-from ual_daemon.backends.dji.wrappers import Call, Wrapper
+from ual_daemon.backends.dji.wrappers import DjiCall, Wrapper
 from ual_daemon.backends.engine.command import FLYING, Command, Verdict
 from ual_daemon.backends.rosbridge import Message
 from ual_daemon.backends.rosbridge.calls import ServiceError, ServiceTimeoutError
@@ -26,21 +26,21 @@ class Grant:
     is_used: bool = False
 
 
-class Request(NamedTuple):
+class DjiRequest(NamedTuple):
     """A service to call, and the authority that it uses, if that was obtained for it."""
 
-    call: Call
+    call: DjiCall
     grant: Grant | None = None
 
 
-def request(what: str, call: Call, group: str = FLYING, grant: Grant | None = None) -> Command[Request]:
+def request(what: str, call: DjiCall, group: str = FLYING, grant: Grant | None = None) -> Command[DjiRequest]:
     """Calls a service, once. The motors, too, are of those whom the aircraft follows."""
-    return Command(what, Request(call, grant), group, own_modes=_follows_us)
+    return Command(what, DjiRequest(call, grant), group, own_modes=_follows_us)
 
 
-def landing(call: Call, on_done: Callable[[], None]) -> Command[Request]:
+def landing(call: DjiCall, on_done: Callable[[], None]) -> Command[DjiRequest]:
     """Begins DJI's own landing, which needs no control authority."""
-    return Command("land", Request(call), FLYING, own_modes=_lands, on_done=on_done)
+    return Command("land", DjiRequest(call), FLYING, own_modes=_lands, on_done=on_done)
 
 
 def _follows_us(mode: Mode) -> bool:
@@ -53,33 +53,35 @@ def _lands(mode: Mode) -> bool:
     return mode.control is Control.LAND or _follows_us(mode)
 
 
-def obtaining(wrapper: Wrapper, on_done: Callable[[Call], None], then: Command[Request] | None) -> Command[Request]:
+def obtaining(
+    wrapper: Wrapper, on_done: Callable[[DjiCall], None], then: Command[DjiRequest] | None
+) -> Command[DjiRequest]:
     """Obtains the control authority, by one service after another, and goes on with a command."""
     for call in reversed(wrapper.obtain):
         done = partial(on_done, call)
         what = "obtain the control authority"
-        then = Command(what, Request(call), FLYING, own_modes=_follows_us, on_done=done, then=then)
+        then = Command(what, DjiRequest(call), FLYING, own_modes=_follows_us, on_done=done, then=then)
     assert then is not None
     return then
 
 
-class Reply(NamedTuple):
+class DjiReply(NamedTuple):
     """Verdict and text of an answer; see `CommandRunner.on_answer`."""
 
     verdict: Verdict
     text: str = ""
 
 
-def read_answer(answer: Future[Message]) -> Reply:
+def read_answer(answer: Future[Message]) -> DjiReply:
     """Reads the answer of a service. One that has not answered may have been executed."""
     error = answer.exception()
     if isinstance(error, ServiceTimeoutError):
-        return Reply(Verdict.LOST)
+        return DjiReply(Verdict.LOST)
     if isinstance(error, ServiceError):
-        return Reply(Verdict.REFUSED, str(error))
+        return DjiReply(Verdict.REFUSED, str(error))
     values = answer.result()
     is_done = values.get("success", values.get("result", False))
-    return Reply(Verdict.ACCEPTED) if is_done else Reply(Verdict.REFUSED, _text_of(values))
+    return DjiReply(Verdict.ACCEPTED) if is_done else DjiReply(Verdict.REFUSED, _text_of(values))
 
 
 def _text_of(values: Message) -> str:

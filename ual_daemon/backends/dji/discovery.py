@@ -16,7 +16,7 @@ _SERVICES = "/rosapi/services"
 _ASK_S, _ASK_AGAIN_S = 3.0, 1.0
 
 
-class Discovery:
+class WrapperDiscovery:
     """Asks for the services until those of a wrapper are there.
 
     The one that obtains the control authority has another name in each. Their topics do not tell: both nodes of

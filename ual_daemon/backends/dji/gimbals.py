@@ -63,7 +63,7 @@ _PROBLEMS = {
 """Meaning of each flag of its status; the wrapper spells them so."""
 
 
-class _Told(NamedTuple):
+class _ReportedAngles(NamedTuple):
     """Angles that were told, and when."""
 
     orientation: Quaternion
@@ -77,7 +77,7 @@ class _FromNose(NamedTuple):
     heading_rad: float
 
 
-class _Target:
+class _SentTarget:
     """Target that was sent last: whether it was reached since the order, and when it was sent."""
 
     def __init__(self, pitch_rad: float, yaw_rad: float, time_s: float, *, is_reached: bool) -> None:
@@ -113,13 +113,13 @@ class DjiGimbal(FindableGimbal):
         self._publish = publish
         self._heading_rad = heading_rad
         self._lock = threading.Lock()
-        self._told: _Told | None = None
+        self._told: _ReportedAngles | None = None
         self._is_mounted: bool | None = None
         """None while its status was not told."""
         self._first_s: float | None = None
         self._problems: tuple[str, ...] = ()
         self._from_nose: _FromNose | None = None
-        self._target: _Target | None = None
+        self._target: _SentTarget | None = None
         self._is_turned_aside = False
         """Whether somebody else has turned it since our last order."""
         self._aside_s = -math.inf
@@ -137,7 +137,7 @@ class DjiGimbal(FindableGimbal):
             self._first_s = now_s
         is_known = self.is_found or self._is_mounted or (self._is_mounted is None and now_s - self._first_s > HEARD_S)
         if is_known and all(map(math.isfinite, (roll, pitch, yaw))):
-            self._told = _Told(Quaternion.from_euler(roll, pitch, yaw), now_s)
+            self._told = _ReportedAngles(Quaternion.from_euler(roll, pitch, yaw), now_s)
             self._note_others(pitch, yaw, now_s)
 
     def on_status(self, message: Message, _: float) -> None:
@@ -256,7 +256,7 @@ class DjiGimbal(FindableGimbal):
     def _send(self, angles: GimbalAngles, heading_rad: float, duration_s: float) -> None:
         yaw_rad = wrap_angle(angles.yaw_rad + heading_rad)
         is_reached = self._target is not None and self._target.is_reached
-        self._target = _Target(angles.pitch_rad, yaw_rad, self._around.now_s(), is_reached=is_reached)
+        self._target = _SentTarget(angles.pitch_rad, yaw_rad, self._around.now_s(), is_reached=is_reached)
         message = {
             "payload_index": POSITION,
             "rotation_mode": ABSOLUTE,

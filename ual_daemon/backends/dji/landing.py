@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ual_daemon.backends.dji.telemetry import Telemetry
+from ual_daemon.backends.dji.telemetry import DjiTelemetry
 
 _BEGINS_S = 2.5
 """A landing that was accepted shows in the display mode within this time."""
@@ -18,7 +18,7 @@ class LandingRequest:
         self._has_begun = False
         self.has_ended = False
 
-    def needs_confirmation(self, telemetry: Telemetry, below_m: float, now_s: float) -> bool:
+    def needs_confirmation(self, telemetry: DjiTelemetry, below_m: float, now_s: float) -> bool:
         """Returns whether it is to be confirmed now. Notes its end; to be called often."""
         if self.has_ended or now_s - telemetry.mode_s > _MODE_S:
             return False

@@ -6,7 +6,7 @@ from ual.geometry import Vector3
 from ual_daemon.geodesy import EllipsoidProjection
 
 
-class LocalFrame:
+class DjiLocalFrame:
     """Begins at the first good fix, and stays there. Positions by RTK are used while there are any.
 
     Where RTK ends, the aircraft's own position goes on from there, without a jump.

@@ -12,18 +12,18 @@ from ual.errors import LinkLostError, RejectedByAutopilotError
 from ual_daemon import logs
 from ual_daemon.backends.base import Clock
 from ual_daemon.backends.dji.authority import Holding
-from ual_daemon.backends.dji.commands import TEXT_S, Grant, Request, obtaining, read_answer, request
-from ual_daemon.backends.dji.discovery import Discovery
+from ual_daemon.backends.dji.commands import TEXT_S, DjiRequest, Grant, obtaining, read_answer, request
+from ual_daemon.backends.dji.discovery import WrapperDiscovery
 from ual_daemon.backends.dji.gimbals import ROTATION, ROTATION_TYPE
 from ual_daemon.backends.dji.landing import LandingRequest
 from ual_daemon.backends.dji.settings import DjiSettings
-from ual_daemon.backends.dji.telemetry import LINK_S, Telemetry
-from ual_daemon.backends.dji.wrappers import JOY, Call, OsdkVehicleNode, Topic, Wrapper
+from ual_daemon.backends.dji.telemetry import LINK_S, DjiTelemetry
+from ual_daemon.backends.dji.wrappers import JOY, DjiCall, DjiTopic, OsdkVehicleNode, Wrapper
 from ual_daemon.backends.engine.command import Command, Verdict
 from ual_daemon.backends.engine.command_runner import CommandRunner, RunnerSettings
 from ual_daemon.backends.engine.limits import SILENT_S
 from ual_daemon.backends.engine.link_watch import LinkWatch
-from ual_daemon.backends.rosbridge import LinkState, Message, RosbridgeLink
+from ual_daemon.backends.rosbridge import Message, RosbridgeLink, RosbridgeState
 from ual_daemon.backends.values import Snapshot, VelocitySetpoint
 
 _log = logging.getLogger(__name__)
@@ -40,14 +40,14 @@ _CONFIRM, _RELEASE = "confirm", "release"
 """Groups of commands."""
 
 
-class Session:
+class DjiSession:
     """It is what the backend's loop drives."""
 
     def __init__(self, link: RosbridgeLink, clock: Clock, settings: DjiSettings) -> None:
-        self.telemetry: Telemetry | None = None
+        self.telemetry: DjiTelemetry | None = None
         """None until the wrapper was found."""
         self.watch = LinkWatch(str(link.url), LINK_S, on_lost=self._discard)
-        self.runner: CommandRunner[Request] = CommandRunner(
+        self.runner: CommandRunner[DjiRequest] = CommandRunner(
             "the aircraft",
             self._transmit,
             self._data,
@@ -64,7 +64,7 @@ class Session:
         self._link = link
         self._clock = clock
         self._settings = settings
-        self._discovery = Discovery(link)
+        self._discovery = WrapperDiscovery(link)
         self._had_authority = False
         self._landing: LandingRequest | None = None
         self._confirmation: Future[None] = Future()
@@ -79,9 +79,9 @@ class Session:
     @property
     def why_no_vehicle(self) -> str:
         """Why no aircraft can be flown, human-readable."""
-        return self._link.why_not if self._link.state is not LinkState.UP else self._discovery.why_not
+        return self._link.why_not if self._link.state is not RosbridgeState.UP else self._discovery.why_not
 
-    def reach(self, what: str) -> CommandRunner[Request] | LinkLostError:
+    def reach(self, what: str) -> CommandRunner[DjiRequest] | LinkLostError:
         """Returns what runs commands; or why none can leave."""
         is_reached = self.telemetry is not None and self._link.is_up
         return self.runner if is_reached else LinkLostError(f"cannot {what}: {self.why_no_vehicle}")
@@ -137,12 +137,12 @@ class Session:
             return Snapshot(now_s)
         return telemetry.snapshot(now_s, missing)._replace(heard_s=self.watch.heard_s)
 
-    def _missing(self, telemetry: Telemetry, now_s: float) -> str:
+    def _missing(self, telemetry: DjiTelemetry, now_s: float) -> str:
         """Returns which topics do not come without which it cannot be flown, human-readable; empty if they come."""
         missing = telemetry.missing_topics(now_s)
         return "; ".join(self._fault(topic) for topic in missing[:_MOST_MISSING])
 
-    def _fault(self, topic: Topic) -> str:
+    def _fault(self, topic: DjiTopic) -> str:
         name = self._link.url.resolve(topic.name)
         known = (fault for fault in self._link.faults() if name in fault.split())
         return next(known, f"nothing comes on {name}")
@@ -152,11 +152,11 @@ class Session:
     def _discover(self, now_s: float) -> None:
         wrapper = self._discovery.find(now_s)
         if wrapper is not None:
-            telemetry = Telemetry(wrapper, self._settings)
+            telemetry = DjiTelemetry(wrapper, self._settings)
             self._subscribe(wrapper, telemetry)  # raises OSError where the connection breaks: it is found anew then
             self.telemetry = telemetry
 
-    def _subscribe(self, wrapper: Wrapper, telemetry: Telemetry) -> None:
+    def _subscribe(self, wrapper: Wrapper, telemetry: DjiTelemetry) -> None:
         for topic in wrapper.topics:
             is_log = topic.name == "/rosout"
             self._link.subscribe(
@@ -175,7 +175,7 @@ class Session:
         if wrapper.setpoint_topic:
             self._link.advertise(wrapper.setpoint_topic, JOY)
 
-    def _on_message(self, telemetry: Telemetry, name: str, message: Message, now_s: float) -> None:
+    def _on_message(self, telemetry: DjiTelemetry, name: str, message: Message, now_s: float) -> None:
         """Takes the message of a topic that the wrapper alone publishes."""
         silence_s = self.watch.on_heard(now_s)
         self._note_gap(silence_s, now_s)
@@ -193,7 +193,7 @@ class Session:
     def _on_payload(self, handler: str, message: Message, now_s: float) -> None:
         self.on_payload(handler, message, now_s)
 
-    def _on_log(self, telemetry: Telemetry, message: Message, now_s: float) -> None:
+    def _on_log(self, telemetry: DjiTelemetry, message: Message, now_s: float) -> None:
         """Takes what any node logs: the wrapper writes there what DJI's SDK answered."""
         text = telemetry.text_of(message)
         if text:
@@ -201,7 +201,7 @@ class Session:
             telemetry.note_severity(message, text, now_s)
             self.runner.on_text(text)
 
-    def _withdraw_setpoint(self, telemetry: Telemetry) -> None:
+    def _withdraw_setpoint(self, telemetry: DjiTelemetry) -> None:
         """Withdraws the setpoint that may wait in a full socket, once the authority is lost."""
         had_authority, self._had_authority = self._had_authority, telemetry.has_authority
         if not had_authority or self._had_authority:
@@ -218,8 +218,8 @@ class Session:
     # --- Commands -----------------------------------------------------------------------------------------------------
 
     def with_authority(
-        self, grant: Grant, command: Callable[[Wrapper, Grant], Command[Request]] | None, *, is_known: bool = True
-    ) -> Command[Request]:
+        self, grant: Grant, command: Callable[[Wrapper, Grant], Command[DjiRequest]] | None, *, is_known: bool = True
+    ) -> Command[DjiRequest]:
         """Returns a command that obtains the control authority first, unless it `is_known` to be ours: DJI starts
         nothing without it.
         """
@@ -230,7 +230,7 @@ class Session:
         self.holding.ask(self._clock.now_s())
         return obtaining(telemetry.wrapper, partial(self._on_obtained, telemetry, grant), then)
 
-    def _on_obtained(self, telemetry: Telemetry, grant: Grant, call: Call) -> None:
+    def _on_obtained(self, telemetry: DjiTelemetry, grant: Grant, call: DjiCall) -> None:
         """Notes which of the services that obtain the control authority were executed."""
         grant.is_obtained = True
         if call is telemetry.wrapper.obtain[-1]:
@@ -246,18 +246,18 @@ class Session:
         if grant.is_obtained:
             self.runner.submit(self._releasing(_RELEASE), self._clock.now_s()).add_done_callback(_log_refusal)
 
-    def release(self, group: str) -> Command[Request]:
+    def release(self, group: str) -> Command[DjiRequest]:
         """Gives up the control authority, and forgets a landing. Executed late, it takes nothing from anybody."""
         self.end_landing()
         return self._releasing(group)
 
-    def _releasing(self, group: str) -> Command[Request]:
+    def _releasing(self, group: str) -> Command[DjiRequest]:
         telemetry = self._found()
         telemetry.note_released()
-        call = Request(telemetry.wrapper.release)
+        call = DjiRequest(telemetry.wrapper.release)
         return Command("give up the control authority", call, group, is_harmless=True, on_done=self.holding.drop)
 
-    def _found(self) -> Telemetry:
+    def _found(self) -> DjiTelemetry:
         assert self.telemetry is not None  # `reach` has said so
         return self.telemetry
 
@@ -272,7 +272,7 @@ class Session:
             return "the wrapper serves nothing until its take-off has ended"
         return "the bridge would execute it late" if self._link.holds_up_calls else ""
 
-    def _transmit(self, asked: Request, _: int, key: Hashable) -> Callable[[], object]:
+    def _transmit(self, asked: DjiRequest, _: int, key: Hashable) -> Callable[[], object]:
         """Calls a service. Returns what withdraws the call while it has not left.
 
         One that blocks the wrapper is waited for, as nothing else shows when the wrapper is free again. The aircraft
@@ -295,7 +295,7 @@ class Session:
 
         return take_back
 
-    def _on_answer(self, call: Call, key: Hashable, answer: Future[Message]) -> None:
+    def _on_answer(self, call: DjiCall, key: Hashable, answer: Future[Message]) -> None:
         if answer.cancelled():
             return
         reply, telemetry = read_answer(answer), self._found()
@@ -305,7 +305,7 @@ class Session:
         reasons = (reply.text, telemetry.why_not_start, telemetry.wrapper.reasons)
         self.runner.on_answer(key, verdict, self._clock.now_s(), "; ".join(filter(None, reasons)))
 
-    def _tell_open(self, call: Call) -> None:
+    def _tell_open(self, call: DjiCall) -> None:
         text = f"{call.service} was not answered: it may still be executed"
         logs.event(_log, logging.WARNING, "call_open", why=text)
         self._found().say(text, self._clock.now_s())
@@ -334,7 +334,7 @@ class Session:
             self._found().say(_GIVEN_UP, now_s)
             logs.event(_log, logging.WARNING, "landing_given_up", why=_GIVEN_UP)
 
-    def _confirm_landing(self, telemetry: Telemetry, now_s: float) -> None:
+    def _confirm_landing(self, telemetry: DjiTelemetry, now_s: float) -> None:
         """Confirms a landing that was asked for: near the ground the aircraft waits for that."""
         landing, call = self._landing, telemetry.wrapper.confirm_landing
         if landing is None:

@@ -9,14 +9,14 @@ from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Battery, GeoPoint, GpsFix, GpsInfo, Health
 from ual_daemon import logs
 from ual_daemon.backends.dji import modes
-from ual_daemon.backends.dji.authority import Authority
-from ual_daemon.backends.dji.local_frame import LocalFrame
+from ual_daemon.backends.dji.authority import DjiAuthority
+from ual_daemon.backends.dji.local_frame import DjiLocalFrame
 from ual_daemon.backends.dji.motor_errors import motor_error_text
 from ual_daemon.backends.dji.obstacles import ObstacleWatch
 from ual_daemon.backends.dji.settings import DjiSettings
-from ual_daemon.backends.dji.wrappers import Topic, Wrapper
+from ual_daemon.backends.dji.wrappers import DjiTopic, Wrapper
 from ual_daemon.backends.engine.plausibility import Plausibility
-from ual_daemon.backends.engine.readings import Lasts, Reading, Readings
+from ual_daemon.backends.engine.readings import Reading, Readings, Valid
 from ual_daemon.backends.engine.severe_texts import SEVERE, SevereTexts
 from ual_daemon.backends.rosbridge import Message
 from ual_daemon.backends.rosbridge.fields import number, quaternion, stamp_s, vector
@@ -45,7 +45,7 @@ _WARNING_ROS1, _WARNING_ROS2 = 4, 30
 _FATAL_ROS1, _FATAL_ROS2 = 16, 50
 
 
-class Telemetry:
+class DjiTelemetry:
     """The newest values. Belongs to the link's thread; what they say together is for any.
 
     Any of them may be discarded meanwhile, so other threads read each once.
@@ -54,8 +54,8 @@ class Telemetry:
     def __init__(self, wrapper: Wrapper, settings: DjiSettings) -> None:
         self.wrapper = wrapper
         self._required = tuple(topic for topic in wrapper.topics if topic.is_required)
-        self.frame = LocalFrame()
-        self.authority = Authority()
+        self.frame = DjiLocalFrame()
+        self.authority = DjiAuthority()
         self.obstacles = ObstacleWatch()
         self._plausibility = Plausibility()
         self._taken_s: dict[str, float] = {}
@@ -64,24 +64,24 @@ class Telemetry:
         self._said: Sample[str] | None = None
         self.severe_texts = SevereTexts()
         readings = self._readings = Readings()
-        self.height: Reading[float] = readings.add(Lasts.SEEN)
+        self.height: Reading[float] = readings.add(Valid.WHILE_HEARD)
         """Height above the ground, or above where it took off."""
         self.poses_count = 0
         self._settings = settings
         self._ordering = Ordering()
-        self._orientation: Reading[Quaternion] = readings.add(Lasts.SEEN)
+        self._orientation: Reading[Quaternion] = readings.add(Valid.WHILE_HEARD)
         self._rates = Vector3()
-        self._velocity: Reading[Vector3] = readings.add(Lasts.SEEN)
-        self._pose: Reading[Pose] = readings.add(Lasts.SEEN)
+        self._velocity: Reading[Vector3] = readings.add(Valid.WHILE_HEARD)
+        self._pose: Reading[Pose] = readings.add(Valid.WHILE_HEARD)
         self._geo: GeoPoint | None = None
-        self._status: Reading[int] = readings.add(Lasts.SEEN)
-        self._display: Reading[int] = readings.add(Lasts.SEEN)
-        self._left_landing: Reading[None] = readings.add(Lasts.SEEN)
+        self._status: Reading[int] = readings.add(Valid.WHILE_HEARD)
+        self._display: Reading[int] = readings.add(Valid.WHILE_HEARD)
+        self._left_landing: Reading[None] = readings.add(Valid.WHILE_HEARD)
         """Since when another mode than landing shows."""
-        self._device: Reading[int] = readings.add(Lasts.SEEN)
+        self._device: Reading[int] = readings.add(Valid.WHILE_HEARD)
         self._granted_s = self._ours_s = -math.inf
         """Time of the grant of authority, while it does not show yet, and the time at which it showed last."""
-        self._level: Reading[int] = readings.add(Lasts.SEEN)
+        self._level: Reading[int] = readings.add(Valid.WHILE_HEARD)
         self._is_rtk_fixed = False
         self._has_rc = True
         self._battery: Battery | None = None
@@ -90,7 +90,7 @@ class Telemetry:
         """Of the ground at the first good fix, above mean sea level; None while it is not known."""
         self._is_home_set = self._is_home_rejected = False
         self._motor_error = 0
-        self._altitude: Reading[float] = readings.add(Lasts.SEEN)
+        self._altitude: Reading[float] = readings.add(Valid.WHILE_HEARD)
         self._geoid_m: float | None = None
         self._stamp_s = 0.0
 
@@ -384,7 +384,7 @@ class Telemetry:
         self._braked = Sample(braked, now_s)
         return braked
 
-    def missing_topics(self, now_s: float) -> tuple[Topic, ...]:
+    def missing_topics(self, now_s: float) -> tuple[DjiTopic, ...]:
         """Returns the topics on which nothing came for long, and without which it cannot be flown."""
         self._begun_s = min(self._begun_s, now_s)
         taken_s, never_s, oldest_s = self._taken_s, self._begun_s, now_s - _MISSING_S

@@ -11,7 +11,7 @@ from ual.errors import UalError, UalTimeoutError
 from ual_daemon.backends import futures
 from ual_daemon.backends.base import Clock
 from ual_daemon.backends.engine.command import Command, NotYetError
-from ual_daemon.backends.engine.command_runner import Asked
+from ual_daemon.backends.engine.command_runner import CommandContext
 from ual_daemon.backends.engine.contained import defect
 from ual_daemon.backends.engine.limits import NOT_YET_S, UNSENT_S
 from ual_daemon.backends.engine.loop import Loop
@@ -23,7 +23,7 @@ R = TypeVar("R")
 class Submits(Protocol[R]):
     """A `CommandRunner`, or what stands before it."""
 
-    def submit(self, command: Command[R], now_s: float, result: Future[None], asked: Asked) -> Future[None]:
+    def submit(self, command: Command[R], now_s: float, result: Future[None], asked: CommandContext) -> Future[None]:
         """See `CommandRunner.submit`."""
         ...
 
@@ -49,11 +49,11 @@ class CommandDesk(Generic[R]):
         runner = self._reach(what)
         if isinstance(runner, UalError):
             return futures.failed(runner)
-        asked = Asked.at(self._clock.now_s(), judged() or self._loop.newest)
+        asked = CommandContext.at(self._clock.now_s(), judged() or self._loop.newest)
         return self._loop.give(what, partial(self._submit, what, make, asked))
 
     def _submit(
-        self, what: str, make: Callable[[], Command[R]], asked: Asked, result: Future[None], now_s: float
+        self, what: str, make: Callable[[], Command[R]], asked: CommandContext, result: Future[None], now_s: float
     ) -> None:
         if result.cancelled():
             return
@@ -67,7 +67,7 @@ class CommandDesk(Generic[R]):
         except Exception as error:  # noqa: BLE001  logged, and raised to the caller: the link goes on
             futures.end(result, defect(what, error))
 
-    def _require_runner(self, what: str, asked: Asked, now_s: float) -> Submits[R]:
+    def _require_runner(self, what: str, asked: CommandContext, now_s: float) -> Submits[R]:
         if now_s - asked.time_s > UNSENT_S:
             raise UalTimeoutError(f"the command to {what} was not sent: this computer had no time for it")
         runner = self._reach(what)

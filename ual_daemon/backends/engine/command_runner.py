@@ -62,7 +62,7 @@ class RunnerSettings(NamedTuple):
     """The name of what passes commands on, if there is such a thing: it may not answer."""
 
 
-class Asked(NamedTuple):
+class CommandContext(NamedTuple):
     """Request of a command: its time, the known mode's name (empty: none), and the boot (0: none)."""
 
     time_s: float
@@ -70,13 +70,13 @@ class Asked(NamedTuple):
     boots_count: int
 
     @classmethod
-    def at(cls, time_s: float, snapshot: Snapshot) -> Asked:
+    def at(cls, time_s: float, snapshot: Snapshot) -> CommandContext:
         """Returns what was known by a snapshot."""
         return cls(time_s, snapshot.control.settled_mode, snapshot.link.boots_count)
 
 
 @dataclass(slots=True, eq=False)
-class _Pending(Generic[R]):
+class _PendingCommand(Generic[R]):
     command: Command[R]
     key: Hashable
     asked_s: float
@@ -145,8 +145,8 @@ class CommandRunner(Generic[R]):
         self._setpoints_s = setpoints_s
         self._settings = settings
         self._late_hindrance = hindrance
-        self._waiting: deque[_Pending[R]] = deque()
-        self._in_flight: dict[Hashable, _Pending[R]] = {}
+        self._waiting: deque[_PendingCommand[R]] = deque()
+        self._in_flight: dict[Hashable, _PendingCommand[R]] = {}
         self._ended_s: dict[Hashable, float] = {}
         """Time at which the last command of each shared key ended, or was given up."""
         self._doubtful_until_s: dict[Hashable, float] = {}
@@ -159,7 +159,7 @@ class CommandRunner(Generic[R]):
     # --- What is asked for --------------------------------------------------------------------------------------------
 
     def submit(
-        self, command: Command[R], now_s: float, result: Future[None] | None = None, asked: Asked | None = None
+        self, command: Command[R], now_s: float, result: Future[None] | None = None, asked: CommandContext | None = None
     ) -> Future[None]:
         """Queues a command, and sends it as soon as nothing keeps it back.
 
@@ -172,12 +172,12 @@ class CommandRunner(Generic[R]):
         if result.cancelled():
             return result
         snapshot = self._snapshot(now_s)
-        asked = Asked.at(now_s, snapshot) if asked is None else asked
+        asked = CommandContext.at(now_s, snapshot) if asked is None else asked
         if asked.boots_count not in (0, snapshot.link.boots_count):
             text = f"the command to {command.what} was not sent: the autopilot has rebooted, or is another one"
             futures.end(result, RejectedByAutopilotError(text, {"text": text}))
             return result
-        pending = _Pending(command, self._key_of(command), asked.time_s, result)
+        pending = _PendingCommand(command, self._key_of(command), asked.time_s, result)
         if command.group == FLYING:
             self._note_modes(pending, asked.mode, now_s)
         if command.group:
@@ -290,7 +290,7 @@ class CommandRunner(Generic[R]):
 
     # --- The pilot's rules --------------------------------------------------------------------------------------------
 
-    def _hindrance(self, pending: _Pending[R], now_s: float) -> str:
+    def _hindrance(self, pending: _PendingCommand[R], now_s: float) -> str:
         """Returns why a command must not be sent now, first or again, human-readable; empty if it may be."""
         command = pending.command
         if not command.is_judged:
@@ -306,7 +306,7 @@ class CommandRunner(Generic[R]):
             or (self._not_again(pending, snapshot) if pending.sends_count else "")
         )
 
-    def _unknown(self, pending: _Pending[R], snapshot: Snapshot, now_s: float) -> str:
+    def _unknown(self, pending: _PendingCommand[R], snapshot: Snapshot, now_s: float) -> str:
         """Returns whether what a command changes was said since the last silence."""
         group = pending.command.group
         if group not in (FLYING, ARMING):
@@ -320,13 +320,13 @@ class CommandRunner(Generic[R]):
         is_old = is_mode and now_s - said.time_s > pending.command.mode_age_s
         return f"{what} was not heard for {now_s - said.time_s:.1f} s" if is_old else ""
 
-    def _too_few_setpoints(self, pending: _Pending[R], now_s: float) -> str:
+    def _too_few_setpoints(self, pending: _PendingCommand[R], now_s: float) -> str:
         needs_s = pending.command.setpoints_before_s
         if self._setpoints_s(now_s) >= needs_s or now_s - pending.asked_s >= SETPOINTS_WAIT_S:
             return ""
         return "no setpoints were sent before it"
 
-    def _not_again(self, pending: _Pending[R], snapshot: Snapshot) -> str:
+    def _not_again(self, pending: _PendingCommand[R], snapshot: Snapshot) -> str:
         """Returns why it must not be repeated, by its own table."""
         heard_s, after_s = snapshot.heard_s, pending.command.repeat.after_answer_s
         if heard_s is None or heard_s <= pending.sent_s:
@@ -337,7 +337,7 @@ class CommandRunner(Generic[R]):
         is_shown = said is not None and said.time_s >= pending.passed_on_s + after_s
         return "" if is_shown else "it may still be executed"
 
-    def _has_missed(self, pending: _Pending[R], now_s: float) -> bool:
+    def _has_missed(self, pending: _PendingCommand[R], now_s: float) -> bool:
         """Returns whether a silence came after it was sent: it may have been obeyed, and others may have undone that.
 
         A mode in which the autopilot takes our references was not chosen against us: what leads out of it goes on.
@@ -366,7 +366,7 @@ class CommandRunner(Generic[R]):
             elif pending.shown_mode or not _may_still_show(pending, mode):
                 self._overtake(pending, mode.value.name, now_s)
 
-    def _overtake(self, pending: _Pending[R], mode: str, now_s: float) -> None:
+    def _overtake(self, pending: _PendingCommand[R], mode: str, now_s: float) -> None:
         """Ends a command because of a mode of others. What one that was sent does, is judged by the vehicle's state."""
         what = pending.command.what
         if pending.sends_count:
@@ -378,7 +378,7 @@ class CommandRunner(Generic[R]):
             _log.warning(text)
             self._fail(pending, now_s, RejectedByAutopilotError(text, {"text": text}))
 
-    def _note_modes(self, pending: _Pending[R], mode: str, now_s: float) -> None:
+    def _note_modes(self, pending: _PendingCommand[R], mode: str, now_s: float) -> None:
         """Notes the modes that may be seen without others having chosen them, where one is known (or none: empty)."""
         pending.from_mode = mode
         if self._last is not None and now_s - self._last[1] < OWN_MODE_S:
@@ -398,7 +398,7 @@ class CommandRunner(Generic[R]):
                 self._in_flight[pending.key] = pending
                 self._transmit(pending, now_s)
 
-    def _may_be_sent_first(self, pending: _Pending[R], now_s: float) -> bool:
+    def _may_be_sent_first(self, pending: _PendingCommand[R], now_s: float) -> bool:
         command = pending.command
         if pending.sends_count or pending.key in self._in_flight:
             return False
@@ -408,11 +408,11 @@ class CommandRunner(Generic[R]):
             return False
         return not self._hindrance(pending, now_s)
 
-    def _is_doubtful(self, pending: _Pending[R], now_s: float) -> bool:
+    def _is_doubtful(self, pending: _PendingCommand[R], now_s: float) -> bool:
         """Returns whether an answer may be that of a command with its key that has ended."""
         return now_s < self._doubtful_until_s.get(pending.key, -math.inf)
 
-    def _transmit(self, pending: _Pending[R], now_s: float) -> None:
+    def _transmit(self, pending: _PendingCommand[R], now_s: float) -> None:
         command = pending.command
         if not pending.sends_count:
             self._begin(pending, now_s)
@@ -424,15 +424,15 @@ class CommandRunner(Generic[R]):
         except Exception as error:  # noqa: BLE001  logged, and raised to the caller: the link goes on
             self._fail(pending, now_s, defect(command.what, error))
 
-    def _begin(self, pending: _Pending[R], now_s: float) -> None:
+    def _begin(self, pending: _PendingCommand[R], now_s: float) -> None:
         """Notes the mode from which a command leads to its own, when it is sent first."""
         pending.first_s = now_s
         if pending.command.group == ARMING and not pending.follows_mode:
-            self._note_modes(pending, Asked.at(now_s, self._snapshot(now_s)).mode, now_s)
+            self._note_modes(pending, CommandContext.at(now_s, self._snapshot(now_s)).mode, now_s)
         if pending.command.group == FLYING:
             self._last = (pending.command, now_s)
 
-    def _go_on(self, pending: _Pending[R], now_s: float) -> None:
+    def _go_on(self, pending: _PendingCommand[R], now_s: float) -> None:
         """Does what is due for a command that was sent."""
         command = pending.command
         if (pending.refusal and command.refusal_is_final) or pending.accepts_count:
@@ -454,7 +454,7 @@ class CommandRunner(Generic[R]):
             else:
                 self._end(pending, now_s)
 
-    def _give_up_missed(self, pending: _Pending[R], now_s: float) -> None:
+    def _give_up_missed(self, pending: _PendingCommand[R], now_s: float) -> None:
         """Ends a command that must not be sent again after a silence, once what it changes was heard without it."""
         if now_s - pending.sent_s >= EFFECT_S and not self._unknown(pending, self._snapshot(now_s), now_s):
             text = f"{self._name} has not answered the command to {pending.command.what}, which is not sent again"
@@ -473,20 +473,20 @@ class CommandRunner(Generic[R]):
             elif pending.command.repeat.after_answer_s is not None and not pending.refusal:
                 self._give_up_bridged(pending, now_s)
 
-    def _give_up_bridged(self, pending: _Pending[R], now_s: float) -> None:
+    def _give_up_bridged(self, pending: _PendingCommand[R], now_s: float) -> None:
         if pending.passed_on_s == math.inf:
             self._fail(pending, now_s, self._lost(pending))
         elif pending.texts:
             pending.refusal = "the mode was not entered" if pending.command.group == FLYING else "it was not done"
             self._finish(pending, now_s)
 
-    def _accept(self, pending: _Pending[R], now_s: float) -> None:
+    def _accept(self, pending: _PendingCommand[R], now_s: float) -> None:
         pending.accepts_count += 1
         pending.next_s = now_s + LATER_ACK_S
         if pending.accepts_count >= pending.command.accepts_count:
             self._finish(pending, now_s)
 
-    def _refuse(self, pending: _Pending[R], now_s: float, text: str, by: str) -> None:
+    def _refuse(self, pending: _PendingCommand[R], now_s: float, text: str, by: str) -> None:
         command = pending.command
         pending.refusal, pending.refuser = text or "no reason was given", by
         if not command.refusal_is_final:
@@ -509,7 +509,7 @@ class CommandRunner(Generic[R]):
                 pending.refusal = ""
                 self._finish(pending, now_s)
 
-    def _finish(self, pending: _Pending[R], now_s: float) -> None:
+    def _finish(self, pending: _PendingCommand[R], now_s: float) -> None:
         """Ends a command that was accepted, has shown its effect, or was refused; or goes on with what follows it."""
         if pending.refusal:
             self._fail(pending, now_s, self._refused(pending))
@@ -525,21 +525,21 @@ class CommandRunner(Generic[R]):
             self._follow(pending, command.then, now_s)
         self._send_waiting(now_s)
 
-    def _follow(self, pending: _Pending[R], following: Command[R], now_s: float) -> None:
-        successor = _Pending(following, self._key_of(following), now_s, pending.result, texts=pending.texts)
+    def _follow(self, pending: _PendingCommand[R], following: Command[R], now_s: float) -> None:
+        successor = _PendingCommand(following, self._key_of(following), now_s, pending.result, texts=pending.texts)
         if pending.command.group == FLYING:
             successor.follows_mode = True
             successor.from_mode = pending.shown_mode or pending.from_mode
             successor.before = (pending.command, pending.first_s)
         self._waiting.append(successor)
 
-    def _fail(self, pending: _Pending[R], now_s: float, error: UalError) -> None:
+    def _fail(self, pending: _PendingCommand[R], now_s: float, error: UalError) -> None:
         self._end(pending, now_s)
         _take_back(pending)
         futures.end(pending.result, error)
         self._send_waiting(now_s)
 
-    def _refused(self, pending: _Pending[R]) -> UalError:
+    def _refused(self, pending: _PendingCommand[R]) -> UalError:
         said = "".join(f"; it said: {text}" for text in pending.texts)
         texts = {"text": "; ".join(pending.texts)} if pending.texts else {}
         return RejectedByAutopilotError(
@@ -547,17 +547,17 @@ class CommandRunner(Generic[R]):
             {"result": pending.refusal, **texts, **dict(pending.command.details)},
         )
 
-    def _lost(self, pending: _Pending[R]) -> UalError:
+    def _lost(self, pending: _PendingCommand[R]) -> UalError:
         bridge, what = self._settings.bridge or self._name, pending.command.what
         return UalTimeoutError(f"{bridge} has not answered the command to {what}, which may still be executed")
 
-    def _those_left(self, some: Iterable[_Pending[R]]) -> Iterator[_Pending[R]]:
+    def _those_left(self, some: Iterable[_PendingCommand[R]]) -> Iterator[_PendingCommand[R]]:
         """Yields those of some commands that the ones before them have not ended."""
         for pending in list(some):
             if pending in self._waiting or self._in_flight.get(pending.key) is pending:
                 yield pending
 
-    def _drop(self, is_meant: Callable[[_Pending[R]], bool], now_s: float) -> None:
+    def _drop(self, is_meant: Callable[[_PendingCommand[R]], bool], now_s: float) -> None:
         for pending in [each for each in (*self._waiting, *self._in_flight.values()) if is_meant(each)]:
             self._end(pending, now_s)
             _take_back(pending)
@@ -572,7 +572,7 @@ class CommandRunner(Generic[R]):
         is_any_free = any(each.command.group or each.key not in self._in_flight for each in self._waiting)
         return -math.inf if is_any_free else due_s
 
-    def _end(self, pending: _Pending[R], now_s: float) -> None:
+    def _end(self, pending: _PendingCommand[R], now_s: float) -> None:
         """Forgets a command."""
         if not pending.sends_count:
             self._waiting.remove(pending)
@@ -589,12 +589,12 @@ def _why_not_arm(snapshot: Snapshot) -> str:
     return "" if snapshot.control.mode is None else snapshot.control.mode.value.arming_starts
 
 
-def _take_back(pending: _Pending[R]) -> None:
+def _take_back(pending: _PendingCommand[R]) -> None:
     if pending.take_back is not None:
         pending.take_back()
 
 
-def _may_still_show(pending: _Pending[R], mode: Sample[Mode]) -> bool:
+def _may_still_show(pending: _PendingCommand[R], mode: Sample[Mode]) -> bool:
     """Returns whether a mode may be seen without others having chosen it: the one before, or that of our command
     before.
     """
@@ -603,7 +603,7 @@ def _may_still_show(pending: _Pending[R], mode: Sample[Mode]) -> bool:
     return pending.before is not None and mode.time_s > pending.before[1] and pending.before[0].leads_to(mode.value)
 
 
-def _is_judged_by_mode(pending: _Pending[R]) -> bool:
+def _is_judged_by_mode(pending: _PendingCommand[R]) -> bool:
     """Returns whether a mode of others ends it. Arming that was not sent yet overrules nobody, in whatever mode."""
     group, is_harmless = pending.command.group, pending.command.is_harmless
     has_begun = pending.sends_count > 0 or pending.follows_mode

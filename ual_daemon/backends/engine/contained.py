@@ -1,8 +1,9 @@
-"""Keeps defects from ending a flight: of what serves none (cameras, gimbals, transfers), and of single requests."""
+"""Keeps defects of parts beside the flight (cameras, gimbals, transfers) and of requests from ending the flight."""
 
 from __future__ import annotations
 
 import logging
+import warnings
 from collections.abc import Callable
 from typing import ParamSpec
 
@@ -20,10 +21,10 @@ def defect(what: str, error: Exception) -> UalError:
     return UalError(f"cannot {what}: a defect of UAL: {error!r}")
 
 
-class Contained:
-    """Calls it, on the thread that flies the UAV. A defect of it is logged, once, and does not reach that thread.
+class ErrorBarrier:
+    """Calls a part on the thread that flies the UAV. A defect of the part is logged, once, and stays out of it.
 
-    `what` names it in the log, and `outcome` says what follows from its failure, human-readable.
+    `what` names the part in the log, and `outcome` says what follows from its failure, human-readable.
     """
 
     def __init__(self, what: str, outcome: str = "the flight goes on") -> None:
@@ -47,3 +48,10 @@ class Contained:
         self._told.add(text)
         line = "%s failed, and %s; this is a defect of UAL, please report it"
         _log.error(line, self._what, self._outcome, exc_info=error)
+
+
+def __getattr__(name: str) -> object:
+    if name == "Contained":
+        warnings.warn("Contained is ErrorBarrier since 0.3; the old name ends in 0.4", DeprecationWarning, stacklevel=2)
+        return ErrorBarrier
+    raise AttributeError(name)

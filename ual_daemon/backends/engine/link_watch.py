@@ -18,7 +18,7 @@ STALE_S = 0.5
 """A link that is silent for this long is degraded: of every stream of 4 Hz or more two messages did not come."""
 
 
-class LinkState(Enum):
+class LinkWatchState(Enum):
     """CONNECTING: no autopilot found yet. STALE: silent for `STALE_S`. LOST: silent so long that nothing is known."""
 
     CONNECTING = "connecting"
@@ -50,7 +50,7 @@ class LinkWatch:
         self.lost_s = lost_s
         self.on_lost = on_lost
         self.on_anew = on_anew
-        self.state = LinkState.CONNECTING
+        self.state = LinkWatchState.CONNECTING
         self.heard_s: float | None = None
         """Time of the last message that shows that the autopilot is there."""
         self.spoken_s = -math.inf
@@ -70,8 +70,8 @@ class LinkWatch:
         silence_s = 0.0 if heard_s is None else now_s - heard_s
         if silence_s > SILENT_S or heard_s is None:
             self._end_silence(silence_s, now_s)
-        if self.state is not LinkState.CONNECTED:
-            self._change(LinkState.CONNECTED, silence_s)
+        if self.state is not LinkWatchState.CONNECTED:
+            self._change(LinkWatchState.CONNECTED, silence_s)
         return silence_s
 
     def on_blind(self, until_s: float) -> None:
@@ -107,11 +107,11 @@ class LinkWatch:
             return
         silence_s = now_s - self.heard_s
         if silence_s > self.lost_s:
-            if self.state is not LinkState.LOST:
+            if self.state is not LinkWatchState.LOST:
                 self.lost_count += 1
-                self._change(LinkState.LOST, silence_s)
-        elif silence_s > STALE_S and self.state is LinkState.CONNECTED:
-            self._change(LinkState.STALE, silence_s)
+                self._change(LinkWatchState.LOST, silence_s)
+        elif silence_s > STALE_S and self.state is LinkWatchState.CONNECTED:
+            self._change(LinkWatchState.STALE, silence_s)
 
     # --- What follows -------------------------------------------------------------------------------------------------
 
@@ -151,10 +151,10 @@ class LinkWatch:
         if silence_s > ANEW_S:
             self.on_anew()
 
-    def _change(self, state: LinkState, silence_s: float) -> None:
+    def _change(self, state: LinkWatchState, silence_s: float) -> None:
         old, self.state = self.state, state
-        level = {LinkState.LOST: logging.WARNING, LinkState.CONNECTED: logging.INFO}.get(state, logging.DEBUG)
-        if old is LinkState.STALE and state is LinkState.CONNECTED:
+        level = {LinkWatchState.LOST: logging.WARNING, LinkWatchState.CONNECTED: logging.INFO}.get(state, logging.DEBUG)
+        if old is LinkWatchState.STALE and state is LinkWatchState.CONNECTED:
             level = logging.DEBUG  # a short interruption
         fields = {"silence_s": round(silence_s, 2)} if silence_s else {}
         logs.event(_log, level, "link_changed", old=old.value, new=state.value, url=self._url, **fields)

@@ -13,7 +13,7 @@ from typing import Protocol, TypeVar
 from ual.errors import UalError
 from ual_daemon.backends import futures
 from ual_daemon.backends.base import Clock, UpdateCallback
-from ual_daemon.backends.engine.contained import Contained, defect
+from ual_daemon.backends.engine.contained import ErrorBarrier, defect
 from ual_daemon.backends.engine.limits import CATCH_UP_S, SILENT_S
 from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.engine.scheduling_gap import SchedulingGap
@@ -98,7 +98,7 @@ class Loop:
         self._given = futures.OpenFutures()
         self._gap = SchedulingGap()
         self._failures = OnceLog("an update failed")
-        self._contained = Contained("a request")
+        self._contained = ErrorBarrier("a request")
         self.restart(clock.now_s())
 
     # --- From any thread ----------------------------------------------------------------------------------------------

@@ -6,6 +6,7 @@ A backend makes all of its readings from one `Readings`, so that none is forgott
 from __future__ import annotations
 
 import math
+import warnings
 from enum import Enum
 from typing import Generic, TypeVar
 
@@ -19,15 +20,19 @@ wrong.
 """
 
 
-class Lasts(Enum):
+class Valid(Enum):
     """Until when a reading may be believed."""
 
-    SEEN = "while it is heard"
+    WHILE_HEARD = "while it is heard"
     """It may change unseen: a silence discards it, and so does a reboot."""
-    BOOT = "until the autopilot boots"
+    UNTIL_REBOOT = "until the autopilot boots"
     """As a place in the local frame."""
-    EVER = "always"
+    ALWAYS = "always"
     """A property of the vehicle."""
+    # Names of `Lasts`, until 0.4.
+    SEEN = WHILE_HEARD
+    BOOT = UNTIL_REBOOT
+    EVER = ALWAYS
 
 
 class Reading(Generic[T]):
@@ -103,9 +108,9 @@ class Readings:
 
     def __init__(self) -> None:
         self.order = 0.0
-        self._all: list[tuple[Lasts, Reading[object]]] = []
+        self._all: list[tuple[Valid, Reading[object]]] = []
 
-    def add(self, lasts: Lasts, *, limit_s: float = math.inf, unknown: Sample[T] | None = None) -> Reading[T]:
+    def add(self, lasts: Valid, *, limit_s: float = math.inf, unknown: Sample[T] | None = None) -> Reading[T]:
         """Makes a reading. It has no value older than `limit_s`, and the sample `unknown` while it is not known."""
         reading: Reading[T] = Reading(self, limit_s, unknown)
         self._all.append((lasts, reading))  # type: ignore[arg-type]  # only discarded through this list
@@ -114,12 +119,19 @@ class Readings:
     def discard_state(self) -> None:
         """Discards all that may have changed since it was sent."""
         for lasts, reading in self._all:
-            if lasts is Lasts.SEEN:
+            if lasts is Valid.WHILE_HEARD:
                 reading.discard()
 
     def discard_boot(self) -> None:
         """Discards all that belongs to the boot before, and the order of all messages."""
         for lasts, reading in self._all:
             reading.forget_order()
-            if lasts is not Lasts.EVER:
+            if lasts is not Valid.ALWAYS:
                 reading.discard()
+
+
+def __getattr__(name: str) -> object:
+    if name == "Lasts":
+        warnings.warn("Lasts is Valid since 0.3; the old name ends with 0.4", DeprecationWarning, stacklevel=2)
+        return Valid
+    raise AttributeError(name)

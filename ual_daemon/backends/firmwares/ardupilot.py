@@ -14,7 +14,7 @@ from ual.geometry import Vector3
 from ual.types import Capability, Limits
 from ual_daemon.backends.firmwares.autopilot import (
     Autopilot,
-    Board,
+    AutopilotBoard,
     HomeUnknownError,
     SimulationVerdict,
     fence_limit,
@@ -356,7 +356,7 @@ class ArduCopter(Autopilot):
 
     @override
     def judge_simulation(
-        self, version: Board | None, parameters: Mapping[str, float], system_id: int
+        self, version: AutopilotBoard | None, parameters: Mapping[str, float], system_id: int
     ) -> SimulationVerdict:
         if version is None:
             return SimulationVerdict(None, "its version and board are not known yet")

@@ -49,7 +49,7 @@ class HomeUnknownError(NotYetError):
     """A height cannot be computed yet, because the autopilot has not sent the position of its home."""
 
 
-class Board(Protocol):
+class AutopilotBoard(Protocol):
     """Hardware of an autopilot by its own report (AUTOPILOT_VERSION)."""
 
     @property
@@ -182,7 +182,7 @@ class Autopilot(ABC):
 
     @abstractmethod
     def judge_simulation(
-        self, version: Board | None, parameters: Mapping[str, float], system_id: int
+        self, version: AutopilotBoard | None, parameters: Mapping[str, float], system_id: int
     ) -> SimulationVerdict:
         """Judges by what it says of its board and the parameters read so far whether it is simulated."""
 

@@ -15,7 +15,7 @@ from typing_extensions import override
 from ual.errors import NotSupportedError
 from ual.gimbals import AngleRange, GimbalAbility, GimbalAngles, GimbalReference
 from ual_daemon.backends.firmwares import gimbal_protocol
-from ual_daemon.backends.firmwares.gimbal_protocol import Identity
+from ual_daemon.backends.firmwares.gimbal_protocol import GimbalIdentity
 from ual_daemon.backends.firmwares.gripper_codec import PayloadOrder
 
 MOUNT_CONTROL = 205
@@ -39,7 +39,7 @@ class GimbalCodec(ABC):
         """Returns the names of the parameters that say what it is, as far as the autopilot has them by those known."""
 
     @abstractmethod
-    def identity(self, known: Known) -> Identity | None:
+    def identity(self, known: Known) -> GimbalIdentity | None:
         """Returns what it is; None where there is none, or not all that says so is known."""
 
     @abstractmethod
@@ -79,7 +79,7 @@ class ArduPilotGimbal(GimbalCodec):
         return (self._KIND, self._SECOND, *self._LIMITS) if known.get(self._KIND) else (self._KIND,)
 
     @override
-    def identity(self, known: Known) -> Identity | None:
+    def identity(self, known: Known) -> GimbalIdentity | None:
         if not known.get(self._KIND) or not known.keys() >= set(self._LIMITS):
             return None
         pitch, yaw = (_turned(known[least], known[most]) for least, most in _pairs(self._LIMITS))
@@ -87,7 +87,7 @@ class ArduPilotGimbal(GimbalCodec):
         able = {ability for ability, limits in axes.items() if limits is not None}
         always = {GimbalAbility.HORIZON, GimbalAbility.RATES, GimbalAbility.NEUTRAL, GimbalAbility.RETRACT}
         note = "there are two: only the first is turned, and which one looks where is not told"
-        return Identity(frozenset(always | able), None, pitch, yaw, note if self._are_two(known) else "")
+        return GimbalIdentity(frozenset(always | able), None, pitch, yaw, note if self._are_two(known) else "")
 
     @override
     def meant(self, known: Known) -> GimbalReference | None:
@@ -135,13 +135,13 @@ class Px4Gimbal(GimbalCodec):
         return (self._IN, self._OUT, self._STABILIZES, *self._RANGES) if is_there else (self._IN,)
 
     @override
-    def identity(self, known: Known) -> Identity | None:
+    def identity(self, known: Known) -> GimbalIdentity | None:
         if known.get(self._IN) not in self._MAVLINK_INPUTS or not known.keys() >= set(self.parameters(known)):
             return None
         able = {GimbalAbility.ROLL, GimbalAbility.PITCH, GimbalAbility.YAW}
         able |= {GimbalAbility.HORIZON, GimbalAbility.NEUTRAL}
         roll, pitch, yaw = (None if self._is_device(known) else _half(known[name]) for name in self._RANGES)
-        return Identity(frozenset(able), roll, pitch, yaw)
+        return GimbalIdentity(frozenset(able), roll, pitch, yaw)
 
     @override
     def meant(self, known: Known) -> GimbalReference | None:

@@ -41,7 +41,7 @@ _NORTH = Quaternion.from_yaw(math.pi / 2.0)
 """Turns what counts from north to what counts from east."""
 
 
-class Identity(NamedTuple):
+class GimbalIdentity(NamedTuple):
     """Identity of a gimbal. A range is None where there is none, or one that cannot be."""
 
     abilities: frozenset[GimbalAbility]

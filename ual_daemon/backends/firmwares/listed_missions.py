@@ -17,7 +17,7 @@ from ual.types import GeoPoint
 from ual_daemon.backends import chain
 from ual_daemon.backends.firmwares.autopilot import Autopilot
 from ual_daemon.backends.firmwares.item_lists import ItemLists
-from ual_daemon.backends.firmwares.mission_codec import MissionCodec, Place
+from ual_daemon.backends.firmwares.mission_codec import GeoPosition, MissionCodec
 from ual_daemon.backends.firmwares.mission_items import MissionItem, MissionList, MissionType
 from ual_daemon.backends.offers.missions import AutopilotMissions, KeptMission, MissionReport, OnItsOwn
 from ual_daemon.backends.offers.parameters import Refusal
@@ -99,7 +99,7 @@ class ListedMissions(AutopilotMissions):
     @override
     def upload(self, items: Sequence[Item], refusal: Refusal) -> Future[KeptMission]:
         codec, here = self._codec(), self._access.here()
-        encoded = codec.encode(items, None if here is None else Place(here.latitude_deg, here.longitude_deg))
+        encoded = codec.encode(items, None if here is None else GeoPosition(here.latitude_deg, here.longitude_deg))
         return self._replace(codec, encoded, refusal)
 
     @override

@@ -57,7 +57,7 @@ Fault = Callable[[Sequence[Item], int], str]
 """Why an autopilot would not execute an item as it stands; empty where it does."""
 
 
-class Place(NamedTuple):
+class GeoPosition(NamedTuple):
     """Position in degrees."""
 
     latitude_deg: float
@@ -102,7 +102,7 @@ class MissionCodec(ABC):
             if fault is not None and (text := fault(items, index)):
                 raise checks.refused(items, index, f"{self.name} {text}")
 
-    def encode(self, items: Sequence[Item], here: Place | None) -> list[MissionItem]:
+    def encode(self, items: Sequence[Item], here: GeoPosition | None) -> list[MissionItem]:
         """Returns the items as they are uploaded. `here` is where the UAV stands; None while that is not known.
 
         Raises:
@@ -166,7 +166,7 @@ class MissionCodec(ABC):
             return abs(math.remainder(wanted - kept, 360.0)) < _YAW_TOLERANCE_DEG
         return abs(wanted - kept) <= (self.height_tolerance_m if field == "z" else 0.0)
 
-    def _encoded(self, items: Sequence[Item], index: int, here: Place | None) -> MissionItem:
+    def _encoded(self, items: Sequence[Item], index: int, here: GeoPosition | None) -> MissionItem:
         item = items[index]
         if isinstance(item, TakeOff):
             return self._take_off(items, index, item, here)
@@ -176,10 +176,10 @@ class MissionCodec(ABC):
             return _camera(items, index, item)
         return _ENCODERS[type(item)](self, item)
 
-    def _take_off(self, items: Sequence[Item], index: int, item: TakeOff, here: Place | None) -> MissionItem:
+    def _take_off(self, items: Sequence[Item], index: int, item: TakeOff, here: GeoPosition | None) -> MissionItem:
         place = here
         if item.latitude_deg is not None and item.longitude_deg is not None:
-            place = Place(item.latitude_deg, item.longitude_deg)
+            place = GeoPosition(item.latitude_deg, item.longitude_deg)
         if place is None:
             raise WrongStateError(
                 f"{name_of(items, index)}: {self.name} needs a place for it, and it is not known where the UAV is: "
@@ -304,8 +304,8 @@ class ArduCopterMissions(MissionCodec):
         return _on_its_own(CONTINUE if is_continued else _COPTER_LOSS.get(action), why, anew)
 
     @override
-    def encode(self, items: Sequence[Item], here: Place | None) -> list[MissionItem]:
-        place = here or Place(0.0, 0.0)
+    def encode(self, items: Sequence[Item], here: GeoPosition | None) -> list[MissionItem]:
+        place = here or GeoPosition(0.0, 0.0)
         return [_at(_WAYPOINT, place, 0.0, AltitudeReference.AMSL), *super().encode(items, here)]
 
     @override
@@ -313,7 +313,7 @@ class ArduCopterMissions(MissionCodec):
         return found[1:]
 
     @override
-    def _take_off(self, items: Sequence[Item], index: int, item: TakeOff, here: Place | None) -> MissionItem:
+    def _take_off(self, items: Sequence[Item], index: int, item: TakeOff, here: GeoPosition | None) -> MissionItem:
         return MissionItem(_FRAMES[item.altitude_reference], _TAKE_OFF, z=item.altitude_m)
 
     @override
@@ -333,7 +333,7 @@ def _from_north_deg(yaw_rad: float) -> float:
 
 def _at(
     command: int,
-    place: Place,
+    place: GeoPosition,
     altitude_m: float,
     above: AltitudeReference,
     params: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
@@ -370,7 +370,7 @@ _LASTING = (CameraAction.BY_DISTANCE, CameraAction.BY_DISTANCE_LATER, CameraActi
 _ENCODERS: Mapping[type[Item], Callable[[Any, Any], MissionItem]] = {
     Waypoint: lambda codec, item: _at(
         _WAYPOINT,
-        Place(item.latitude_deg, item.longitude_deg),
+        GeoPosition(item.latitude_deg, item.longitude_deg),
         item.altitude_m,
         item.altitude_reference,
         (float(item.hold_s), float(item.accept_radius_m or 0.0), 0.0, codec.yaw_deg(item.yaw_rad)),
@@ -379,12 +379,12 @@ _ENCODERS: Mapping[type[Item], Callable[[Any, Any], MissionItem]] = {
     Speed: lambda _, item: _do(_SPEED, _GROUND_SPEED, float(item.speed_m_s), _NO_THROTTLE),
     Heading: lambda _, item: _do(_YAW, _from_north_deg(item.yaw_rad)),
     RegionOfInterest: lambda _, item: _at(
-        _ROI, Place(item.latitude_deg, item.longitude_deg), item.altitude_m, item.altitude_reference
+        _ROI, GeoPosition(item.latitude_deg, item.longitude_deg), item.altitude_m, item.altitude_reference
     ),
     RegionOfInterestEnd: lambda *_: _do(_ROI_NONE),
     Land: lambda codec, item: _at(
         _LAND,
-        Place(item.latitude_deg, item.longitude_deg),
+        GeoPosition(item.latitude_deg, item.longitude_deg),
         0.0,
         AltitudeReference.HOME,
         (0.0, 0.0, 0.0, codec.yaw_deg(None)),

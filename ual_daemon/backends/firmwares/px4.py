@@ -10,7 +10,7 @@ from typing_extensions import override
 from ual.types import Capability, Limits
 from ual_daemon.backends.firmwares.autopilot import (
     Autopilot,
-    Board,
+    AutopilotBoard,
     SimulationVerdict,
     fence_limit,
     positive_parameter,
@@ -222,7 +222,7 @@ class Px4(Autopilot):
 
     @override
     def judge_simulation(
-        self, version: Board | None, parameters: Mapping[str, float], system_id: int
+        self, version: AutopilotBoard | None, parameters: Mapping[str, float], system_id: int
     ) -> SimulationVerdict:
         if version is None:
             return SimulationVerdict(None, "its version and unique id are not known yet")

@@ -16,7 +16,7 @@ from ual_daemon.backends.firmwares.autopilot import SimulationVerdict
 ARMING_LIMIT_S = 5.0
 
 
-class Vehicle(Protocol):
+class PilotedVehicle(Protocol):
     """The vehicle, which may be simulated."""
 
     @property
@@ -33,13 +33,13 @@ class Vehicle(Protocol):
         ...
 
 
-class SimulatedPilot(SafetyPilot):
+class LinkPilot(SafetyPilot):
     """Arms through our own link. From any thread.
 
     `vehicle` returns the autopilot while its link is up, `arm` is the backend's command.
     """
 
-    def __init__(self, vehicle: Callable[[], Vehicle | None], arm: Callable[[], Future[None]]) -> None:
+    def __init__(self, vehicle: Callable[[], PilotedVehicle | None], arm: Callable[[], Future[None]]) -> None:
         self._vehicle = vehicle
         self._arm = arm
 

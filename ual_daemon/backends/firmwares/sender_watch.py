@@ -49,7 +49,7 @@ class SenderWatch:
         self._heard_s = -math.inf
         self._back_s = -math.inf
         """Time of its return after a silence."""
-        self._target: _Target | None = None
+        self._target: _ReportedTarget | None = None
         self._strange_s: deque[float] = deque(maxlen=STRANGE_COUNT)
         self._doubted_s = math.inf
         """Time of the last of enough foreign targets, while the mode in which it was flown is not known yet."""
@@ -59,7 +59,7 @@ class SenderWatch:
     def on_target(self, position: Vector3, velocity: Vector3, now_s: float, *, has_position: bool) -> None:
         """Takes the target that the autopilot flies to, in the local frame; what it does not have may be NaN."""
         has_velocity = all(map(math.isfinite, (velocity.x, velocity.y, velocity.z)))
-        new = _Target(now_s, _finite(position), _finite(velocity), has_position, has_velocity)
+        new = _ReportedTarget(now_s, _finite(position), _finite(velocity), has_position, has_velocity)
         old, self._target = self._target, new
         self._note_heard(now_s)
         if old is None or now_s < self._flies_since_s or now_s - self._back_s <= QUIET_S:
@@ -72,7 +72,7 @@ class SenderWatch:
         elif min(silent_s, now_s - self._flies_since_s) > QUIET_S and new.has_moved_from(old):
             self._find("the autopilot's target moves, and UAL sends none", now_s)
 
-    def _judge_beside_ours(self, target: _Target) -> None:
+    def _judge_beside_ours(self, target: _ReportedTarget) -> None:
         now_s = target.time_s
         if self._sent.duration_s(now_s) <= SENDING_S or not self._is_strange(target):
             return
@@ -120,7 +120,7 @@ class SenderWatch:
     def _find(self, what: str, now_s: float) -> None:
         self._found, self._found_s = _SILENT.format(what), now_s
 
-    def _is_strange(self, target: _Target) -> bool:
+    def _is_strange(self, target: _ReportedTarget) -> bool:
         """Returns whether a target is none of those that we have sent lately. Most are the newest one."""
         recent = self._sent.recent
         if not (target.has_position or target.has_velocity) or (recent and _explains(recent[-1][1], target)):
@@ -138,7 +138,7 @@ class SenderWatch:
         return True
 
 
-class _Target(NamedTuple):
+class _ReportedTarget(NamedTuple):
     """A target of the autopilot, in the local frame; what it does not have is 0."""
 
     time_s: float
@@ -147,18 +147,18 @@ class _Target(NamedTuple):
     has_position: bool
     has_velocity: bool
 
-    def has_jumped_from(self, old: _Target) -> bool:
+    def has_jumped_from(self, old: _ReportedTarget) -> bool:
         """Returns whether both are positions, and the velocity does not explain the way between them."""
         way_m = MOVED_M + 1.5 * (self.time_s - old.time_s) * max(self.velocity.norm(), old.velocity.norm())
         return self.has_position and old.has_position and (self.position - old.position).norm() > way_m
 
-    def has_moved_from(self, old: _Target) -> bool:
+    def has_moved_from(self, old: _ReportedTarget) -> bool:
         """Returns whether it is another target."""
         is_elsewhere = (self.position - old.position).norm() > MOVED_M
         return is_elsewhere or (self.velocity - old.velocity).norm() > MOVED_M_S
 
 
-def _explains(sent: Sent, target: _Target) -> bool:
+def _explains(sent: Sent, target: _ReportedTarget) -> bool:
     """Returns whether a target may be that of a setpoint: a position as it was sent, or on its way, or a velocity.
 
     In numbers, without vectors: each target of another program is compared with all that was sent lately.

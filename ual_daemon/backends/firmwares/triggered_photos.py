@@ -27,7 +27,7 @@ def viewpoint_of(snapshot: Snapshot, freshness: Freshness) -> Viewpoint:
     return Viewpoint(body, snapshot.link.boots_count, None, snapshot.position_geo() if is_fresh else None)
 
 
-class _Awaited:
+class _AwaitedPhoto:
     """Waits for the report of a picture that is ordered."""
 
     def __init__(self, future: Future[TakenPhoto]) -> None:
@@ -68,11 +68,11 @@ class TriggeredPhotos:
         self.distance_m: float | None = None
         """Distance in metres of the last order."""
         self._last: int | None = None
-        self._waiting: list[_Awaited] = []
+        self._waiting: list[_AwaitedPhoto] = []
 
     def await_photo(self, future: Future[TakenPhoto]) -> None:
         """Ends a future with the next picture."""
-        self._waiting.append(_Awaited(future))
+        self._waiting.append(_AwaitedPhoto(future))
 
     def tick(self, now_s: float) -> None:
         """Ends what has waited too long; to be called often."""

@@ -19,15 +19,15 @@ from ual.types import Battery, Capability, GpsFix, GpsInfo, Health, Limits
 from ual_daemon._version import __version__
 from ual_daemon.backends import futures
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, SimulatedPilot, UpdateCallback
-from ual_daemon.backends.engine.contained import Contained
+from ual_daemon.backends.engine.contained import ErrorBarrier
 from ual_daemon.backends.engine.loop import Loop
 from ual_daemon.backends.judged import judged
 from ual_daemon.backends.light import derived
-from ual_daemon.backends.light.camera import LightCameras, Seen
+from ual_daemon.backends.light.camera import CameraMoment, LightCameras
 from ual_daemon.backends.light.corrections import LightCorrections
 from ual_daemon.backends.light.faults import Faults
 from ual_daemon.backends.light.gimbal import GimbalMoment, LightGimbals
-from ual_daemon.backends.light.physics import POSITION_GAIN, FlightMode, Report
+from ual_daemon.backends.light.physics import POSITION_GAIN, FlightMode, LightReport
 from ual_daemon.backends.light.settings import LightSettings
 from ual_daemon.backends.light.simulation import LightSimulation
 from ual_daemon.backends.light.world import LAG_S, Vehicles, World
@@ -128,7 +128,7 @@ class LightBackend(Backend):
         self._cameras = LightCameras(
             settings.cameras, settings.seed, self._seen, self.world.painter, self._gimbals.gimbals
         )
-        self._contained = Contained("its cameras")
+        self._contained = ErrorBarrier("its cameras")
         with self.world.lock:
             self._update_snapshot()
 
@@ -371,14 +371,16 @@ class LightBackend(Backend):
     def _has_work(self) -> bool:
         return self._faults.any_active or bool(self._late_acks) or self._cameras.is_busy
 
-    def _seen(self) -> Seen:
+    def _seen(self) -> CameraMoment:
         """Returns what its cameras see from, and what the autopilot says at the same step."""
         with self.world.lock:
             if self._snapshot_step != self.world.steps or self.world.speed_factor == 0.0:
                 self._update_snapshot()
             fleet, i = self.world.fleet, self._index
             body = Pose(Vector3(*map(float, fleet.position[i])), Quaternion.from_yaw(float(fleet.yaw[i])))
-            return Seen(body, float(fleet.ground[i]), self._snapshot, self.world.steps, self._faults.is_link_lost)
+            return CameraMoment(
+                body, float(fleet.ground[i]), self._snapshot, self.world.steps, self._faults.is_link_lost
+            )
 
     def _moment(self) -> GimbalMoment:
         return GimbalMoment(self.world.now_s(), float(self.world.fleet.yaw[self._index]), self._faults.is_link_lost)
@@ -484,7 +486,7 @@ class LightBackend(Backend):
 _READY, _BLIND, _EMPTY = Health(True), Health(False, ("position",)), Health(False, ("battery",))
 
 
-def _health(seen: Report, lag_s: float) -> Health:
+def _health(seen: LightReport, lag_s: float) -> Health:
     found = _READY
     if not seen.has_position:
         found = _BLIND
@@ -498,7 +500,7 @@ def _health(seen: Report, lag_s: float) -> Health:
 _FIX, _NO_FIX = GpsInfo(GpsFix.FIX_3D, 14, 0.5, 0.8), GpsInfo(GpsFix.NONE)
 
 
-def _gps(seen: Report, corrections_age_s: float | None) -> GpsInfo:
+def _gps(seen: LightReport, corrections_age_s: float | None) -> GpsInfo:
     fix = _FIX if seen.has_position else _NO_FIX
     return fix if corrections_age_s is None else replace(fix, corrections_age_s=corrections_age_s)
 

@@ -31,7 +31,7 @@ from ual_daemon.backends.engine.distance_trigger import DistanceTrigger
 from ual_daemon.backends.engine.photo_log import PhotoLog
 from ual_daemon.backends.light.gimbal import GimbalMoment, LightGimbal
 from ual_daemon.backends.light.painter import Painter
-from ual_daemon.backends.light.scene import Marker, Order, Scene
+from ual_daemon.backends.light.scene import Marker, PaintedScene, PaintOrder
 from ual_daemon.backends.light.settings import LightCameraSettings
 from ual_daemon.backends.offers.cameras import (
     EncodedImage,
@@ -59,7 +59,7 @@ _ABILITIES = frozenset(CameraAbility) - {CameraAbility.FOCUS, CameraAbility.STRE
 _log = logging.getLogger(__name__)
 
 
-class Seen(NamedTuple):
+class CameraMoment(NamedTuple):
     """State at a moment: the real pose of the body, the height of the ground, and the autopilot's snapshot."""
 
     body: Pose
@@ -74,10 +74,10 @@ class Seen(NamedTuple):
         return GimbalMoment(self.snapshot.time_s, self.body.yaw_rad, self.is_link_lost)
 
 
-class _Shot(NamedTuple):
+class _PaintedShot(NamedTuple):
     """A picture that can be painted: now, or later."""
 
-    seen: Seen
+    seen: CameraMoment
     intrinsics: CameraIntrinsics
     taken: TakenPhoto
 
@@ -93,9 +93,9 @@ class LightCamera(OfferedCamera):
         number: int,
         settings: LightCameraSettings,
         seed: int,
-        look: Callable[[], Seen],
-        paint: Callable[[Order], Future[bytes]],
-        carrier: Callable[[Seen], Pose] | None = None,
+        look: Callable[[], CameraMoment],
+        paint: Callable[[PaintOrder], Future[bytes]],
+        carrier: Callable[[CameraMoment], Pose] | None = None,
     ) -> None:
         self._number = number
         self._settings = settings
@@ -105,7 +105,7 @@ class LightCamera(OfferedCamera):
         self._paint = paint
         self._mounting = _mounting(settings)
         self._lock = threading.Lock()
-        self._shots: PhotoLog[_Shot] = PhotoLog()
+        self._shots: PhotoLog[_PaintedShot] = PhotoLog()
         self._missed_count = 0
         self._used_mib = 0.0
         self._mode = CameraMode.PHOTO
@@ -137,12 +137,12 @@ class LightCamera(OfferedCamera):
         """Whether `step` is to be called after each step of the world."""
         return self._interval_s is not None or self._by_distance is not None
 
-    def step(self, seen: Seen) -> None:
+    def step(self, seen: CameraMoment) -> None:
         """Takes the pictures that are due."""
         with self._lock:
             self._take_due(seen)
 
-    def _take_due(self, seen: Seen) -> None:
+    def _take_due(self, seen: CameraMoment) -> None:
         now_s = seen.snapshot.time_s
         while self._interval_s is not None and now_s >= self._next_s:
             self._next_s += self._interval_s
@@ -161,7 +161,7 @@ class LightCamera(OfferedCamera):
 
     @override
     def status(self) -> Future[CameraStatus]:
-        def answer(seen: Seen) -> CameraStatus:
+        def answer(seen: CameraMoment) -> CameraStatus:
             recording_s = 0.0 if self._video_since_s is None else seen.snapshot.time_s - self._video_since_s
             free_mib = self._free_mib(seen)
             state = StorageState.FULL if free_mib < PHOTO_MIB else StorageState.READY
@@ -190,7 +190,7 @@ class LightCamera(OfferedCamera):
 
     @override
     def start_interval(self, interval_s: float, count: int) -> Future[None]:
-        def start(seen: Seen) -> None:
+        def start(seen: CameraMoment) -> None:
             self._require_room(seen)
             self._by_distance = None
             self._interval_s, self._next_s, self._left_count = interval_s, seen.snapshot.time_s, count
@@ -200,7 +200,7 @@ class LightCamera(OfferedCamera):
 
     @override
     def start_distance(self, distance_m: float) -> Future[None]:
-        def start(seen: Seen) -> None:
+        def start(seen: CameraMoment) -> None:
             self._require_room(seen)
             self._interval_s = None
             self._by_distance = (distance_m, DistanceTrigger(distance_m))
@@ -210,14 +210,14 @@ class LightCamera(OfferedCamera):
 
     @override
     def stop_photos(self) -> Future[None]:
-        def stop(_: Seen) -> None:
+        def stop(_: CameraMoment) -> None:
             self._interval_s = self._by_distance = None
 
         return self._do(stop)
 
     @override
     def start_video(self) -> Future[None]:
-        def start(seen: Seen) -> None:
+        def start(seen: CameraMoment) -> None:
             self._require_room(seen)
             if self._video_since_s is None:
                 self._video_since_s = seen.snapshot.time_s
@@ -226,7 +226,7 @@ class LightCamera(OfferedCamera):
 
     @override
     def stop_video(self) -> Future[None]:
-        def stop(seen: Seen) -> None:
+        def stop(seen: CameraMoment) -> None:
             self._used_mib = self._settings.storage_mib - self._free_mib(seen)
             self._video_since_s = None
 
@@ -234,21 +234,21 @@ class LightCamera(OfferedCamera):
 
     @override
     def set_mode(self, mode: CameraMode) -> Future[None]:
-        def set_(_: Seen) -> None:
+        def set_(_: CameraMoment) -> None:
             self._mode = mode
 
         return self._do(set_)
 
     @override
     def set_zoom(self, percent: float) -> Future[None]:
-        def set_(_: Seen) -> None:
+        def set_(_: CameraMoment) -> None:
             self._zoom_percent = percent
 
         return self._do(set_)
 
     @override
     def image(self, photo: int | None, kind: ImageKind = ImageKind.COLOUR) -> Future[EncodedImage]:
-        def shot(seen: Seen) -> _Shot:
+        def shot(seen: CameraMoment) -> _PaintedShot:
             return self._shot(seen, 0) if photo is None else self._shots.get(photo)
 
         found = self._do(shot)
@@ -260,7 +260,7 @@ class LightCamera(OfferedCamera):
 
     # --- How it is done -----------------------------------------------------------------------------------------------
 
-    def _do(self, act: Callable[[Seen], T]) -> Future[T]:
+    def _do(self, act: Callable[[CameraMoment], T]) -> Future[T]:
         """Does something at once, unless the link is lost. Returns its result or its error."""
         future: Future[T] = Future()
         seen = self._look()
@@ -273,7 +273,7 @@ class LightCamera(OfferedCamera):
             future.set_exception(error)
         return future
 
-    def _shoot_or_miss(self, seen: Seen) -> None:
+    def _shoot_or_miss(self, seen: CameraMoment) -> None:
         try:
             self._shoot(seen)
         except RejectedByAutopilotError as error:
@@ -281,22 +281,22 @@ class LightCamera(OfferedCamera):
                 _log.warning("camera %d misses pictures: %s", self._number, error)
             self._missed_count += 1
 
-    def _shoot(self, seen: Seen) -> _Shot:
+    def _shoot(self, seen: CameraMoment) -> _PaintedShot:
         self._require_room(seen)
         self._used_mib += PHOTO_MIB
         return self._shots.add(lambda number: self._shot(seen, number))
 
-    def _require_room(self, seen: Seen) -> None:
+    def _require_room(self, seen: CameraMoment) -> None:
         if self._free_mib(seen) < PHOTO_MIB:
             raise RejectedByAutopilotError(
                 f"camera {self._number} refused: its storage is full", {"text": "storage is full"}
             )
 
-    def _free_mib(self, seen: Seen) -> float:
+    def _free_mib(self, seen: CameraMoment) -> float:
         recorded_s = 0.0 if self._video_since_s is None else seen.snapshot.time_s - self._video_since_s
         return max(0.0, self._settings.storage_mib - self._used_mib - recorded_s * VIDEO_MIB_S)
 
-    def _shot(self, seen: Seen, number: int) -> _Shot:
+    def _shot(self, seen: CameraMoment, number: int) -> _PaintedShot:
         snapshot = seen.snapshot
         pose = snapshot.motion.pose
         viewpoint = Viewpoint(
@@ -306,7 +306,7 @@ class LightCamera(OfferedCamera):
             snapshot.position_geo(),
         )
         taken = TakenPhoto(number, snapshot.motion.stamp_s, viewpoint)
-        return _Shot(seen, self._intrinsics(self._zoom_percent), taken)
+        return _PaintedShot(seen, self._intrinsics(self._zoom_percent), taken)
 
     def _intrinsics(self, zoom_percent: float) -> CameraIntrinsics:
         settings = self._settings
@@ -314,16 +314,16 @@ class LightCamera(OfferedCamera):
         view_rad = 2.0 * math.atan(math.tan(settings.horizontal_view_rad / 2.0) / zoom)
         return CameraIntrinsics.of_view(settings.width_px, settings.height_px, view_rad)
 
-    def _order(self, shot: _Shot, kind: ImageKind) -> Order:
+    def _order(self, shot: _PaintedShot, kind: ImageKind) -> PaintOrder:
         """Returns what is to be painted."""
         mounting = shot.taken.viewpoint.mounting
         assert mounting is not None
         markers = [Marker(*each.position, each.size_m, each.yaw_rad, each.cells) for each in self._settings.markers]
         seed = (self._seed * _SEED_DISTANCE + shot.seen.step) * _MOST_CAMERAS + self._number
-        return Order(
+        return PaintOrder(
             mounted(shot.seen.body, mounting),
             shot.intrinsics,
-            Scene(shot.seen.ground_z_m, markers),
+            PaintedScene(shot.seen.ground_z_m, markers),
             kind,
             self._settings.noise,
             abs(seed),
@@ -337,7 +337,7 @@ class LightCameras(OfferedCameras):
         self,
         settings: Sequence[LightCameraSettings],
         seed: int,
-        look: Callable[[], Seen],
+        look: Callable[[], CameraMoment],
         painter: Painter,
         gimbals: Sequence[LightGimbal],
     ) -> None:
@@ -359,7 +359,7 @@ class LightCameras(OfferedCameras):
         """Whether `step` is to be called after each step of the world."""
         return any(each.is_busy for each in self._cameras)
 
-    def step(self, seen: Seen) -> None:
+    def step(self, seen: CameraMoment) -> None:
         """Takes the pictures that are due."""
         for each in self._cameras:
             each.step(seen)
@@ -371,7 +371,7 @@ class LightCameras(OfferedCameras):
         for each in waiting:
             each.cancel()
 
-    def _paint(self, order: Order) -> Future[bytes]:
+    def _paint(self, order: PaintOrder) -> Future[bytes]:
         """Has a picture painted, one after the other for all UAVs, so that the flights have the other processors."""
         with self._lock:
             if len(self._waiting) >= MOST_WAITING:
@@ -389,7 +389,7 @@ class LightCameras(OfferedCameras):
             self._waiting.discard(painted)
 
 
-def _encoded(shot: _Shot, kind: ImageKind, data: bytes) -> EncodedImage:
+def _encoded(shot: _PaintedShot, kind: ImageKind, data: bytes) -> EncodedImage:
     is_picture = kind in (ImageKind.COLOUR, ImageKind.SEGMENTATION)
     encoding = ImageFormat.PNG if is_picture else ImageFormat.FLOAT32
     width_px, height_px = shot.intrinsics.width_px, shot.intrinsics.height_px
@@ -397,7 +397,7 @@ def _encoded(shot: _Shot, kind: ImageKind, data: bytes) -> EncodedImage:
     return EncodedImage(data, encoding, width_px, height_px, stamp_s, shot.intrinsics, viewpoint, kind)
 
 
-def _carrier(settings: LightCameraSettings, gimbals: Sequence[LightGimbal]) -> Callable[[Seen], Pose] | None:
+def _carrier(settings: LightCameraSettings, gimbals: Sequence[LightGimbal]) -> Callable[[CameraMoment], Pose] | None:
     if settings.gimbal is None:
         return None
     gimbal = gimbals[settings.gimbal]

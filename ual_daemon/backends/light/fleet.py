@@ -27,7 +27,7 @@ from ual_daemon.backends.light.physics import (
     WIND_DRAG,
     YAW_GAIN,
     FlightMode,
-    Report,
+    LightReport,
     initial_row,
 )
 from ual_daemon.backends.light.settings import LightSettings
@@ -109,11 +109,11 @@ class Fleet:
         self.reported_conditions = conditions
         return changed
 
-    def report(self, index: int) -> Report:
+    def report(self, index: int) -> LightReport:
         """Returns what one autopilot reports."""
         x, y, z = (self.position[index] + self.estimate_offset[index]).tolist()
         vx, vy, vz = self.velocity[index].tolist()
-        return Report(
+        return LightReport(
             (x, y, z),
             (vx, vy, vz),
             self.yaw.item(index),

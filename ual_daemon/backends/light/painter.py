@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from ual.errors import UalError
-from ual_daemon.backends.light.scene import Order
+from ual_daemon.backends.light.scene import PaintOrder
 
 if TYPE_CHECKING:
     from multiprocessing.connection import Connection
@@ -36,7 +36,7 @@ class Painter:
         self._lock = threading.Lock()
         self._easel: _Easel | None = None
 
-    def paint(self, order: Order) -> Future[bytes]:
+    def paint(self, order: PaintOrder) -> Future[bytes]:
         """Returns the future of a picture as PNG."""
         with self._lock:
             if self._easel is None:
@@ -59,7 +59,7 @@ class _Easel:
         self._process: subprocess.Popen[bytes] | None = None
         self._connection: Connection | None = None
 
-    def paint(self, order: Order) -> Future[bytes]:
+    def paint(self, order: PaintOrder) -> Future[bytes]:
         """See `Painter`."""
         return self._thread.submit(self._painted, order)
 
@@ -70,7 +70,7 @@ class _Easel:
             self._thread.shutdown()
         self._end()
 
-    def _painted(self, order: Order) -> bytes:
+    def _painted(self, order: PaintOrder) -> bytes:
         connection = self._connection or self._start()
         try:
             with self._killing_after(PATIENCE_S):

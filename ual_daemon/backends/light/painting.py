@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from ual.cameras import CameraIntrinsics
 from ual.geometry import Pose
-from ual_daemon.backends.light.scene import Marker, Scene
+from ual_daemon.backends.light.scene import Marker, PaintedScene
 
 Array = NDArray[np.float32]
 Picture = NDArray[np.uint8]
@@ -42,7 +42,9 @@ _LEAST_SLOPE = np.float32(1e-6)
 """A ray that goes down less than this sees the sky."""
 
 
-def paint(camera: Pose, intrinsics: CameraIntrinsics, scene: Scene, noise: float = 0.0, seed: int = 0) -> Picture:
+def paint(
+    camera: Pose, intrinsics: CameraIntrinsics, scene: PaintedScene, noise: float = 0.0, seed: int = 0
+) -> Picture:
     """Returns a picture.
 
     `camera` looks along its x; its picture's left is its y. `noise` is the standard deviation of each colour, of 255.
@@ -60,7 +62,7 @@ def paint(camera: Pose, intrinsics: CameraIntrinsics, scene: Scene, noise: float
     return picture
 
 
-def depths(camera: Pose, intrinsics: CameraIntrinsics, scene: Scene) -> Array:
+def depths(camera: Pose, intrinsics: CameraIntrinsics, scene: PaintedScene) -> Array:
     """Returns rows of how far each pixel's point is along the view, m; infinity for the sky."""
     found = np.empty((intrinsics.height_px, intrinsics.width_px), np.float32)
     for rows, cast in _blocks(camera, intrinsics, scene):
@@ -68,7 +70,7 @@ def depths(camera: Pose, intrinsics: CameraIntrinsics, scene: Scene) -> Array:
     return found
 
 
-def ranges(camera: Pose, intrinsics: CameraIntrinsics, scene: Scene) -> Array:
+def ranges(camera: Pose, intrinsics: CameraIntrinsics, scene: PaintedScene) -> Array:
     """Returns rows of how far each pixel's point is from the camera's centre, m; infinity for the sky."""
     found = np.empty((intrinsics.height_px, intrinsics.width_px), np.float32)
     for rows, cast in _blocks(camera, intrinsics, scene):
@@ -76,7 +78,7 @@ def ranges(camera: Pose, intrinsics: CameraIntrinsics, scene: Scene) -> Array:
     return found
 
 
-def segments(camera: Pose, intrinsics: CameraIntrinsics, scene: Scene) -> Picture:
+def segments(camera: Pose, intrinsics: CameraIntrinsics, scene: PaintedScene) -> Picture:
     """Returns a picture, whose red, green and blue are the label of what a pixel's centre shows."""
     labels = np.empty((intrinsics.height_px, intrinsics.width_px), np.uint8)
     for rows, cast in _blocks(camera, intrinsics, scene):
@@ -103,7 +105,7 @@ class _Cast(NamedTuple):
     y: Array
 
 
-def _blocks(camera: Pose, intrinsics: CameraIntrinsics, scene: Scene) -> Iterator[tuple[slice, _Cast]]:
+def _blocks(camera: Pose, intrinsics: CameraIntrinsics, scene: PaintedScene) -> Iterator[tuple[slice, _Cast]]:
     """Yields blocks of rows: which ones, and what their rays meet."""
     columns = (np.arange(intrinsics.width_px) - intrinsics.centre_x_px) / intrinsics.focal_length_x_px
     rows = (np.arange(intrinsics.height_px) - intrinsics.centre_y_px) / intrinsics.focal_length_y_px
@@ -116,7 +118,7 @@ def _blocks(camera: Pose, intrinsics: CameraIntrinsics, scene: Scene) -> Iterato
         yield block, _cast(camera, across + along[:, block], scene)
 
 
-def _cast(camera: Pose, rays: Array, scene: Scene) -> _Cast:
+def _cast(camera: Pose, rays: Array, scene: PaintedScene) -> _Cast:
     slope = np.maximum(-rays[2], _LEAST_SLOPE)
     reach = np.float32(max(camera.position.z - scene.ground_z_m, NEAREST_M)) / slope
     x, y = rays[0] * reach + np.float32(camera.position.x), rays[1] * reach + np.float32(camera.position.y)
@@ -134,7 +136,7 @@ def _matrix(camera: Pose) -> NDArray[np.float64]:
     )
 
 
-def _seen(cast: _Cast, focal_px: float, scene: Scene) -> Array:
+def _seen(cast: _Cast, focal_px: float, scene: PaintedScene) -> Array:
     """Returns the planes of red, green and blue that the rays of a block see."""
     if not cast.is_ground.any():
         return _sky(cast)

@@ -9,7 +9,7 @@ from multiprocessing.connection import Connection
 
 from ual.cameras import ImageKind
 from ual_daemon.backends.light import painting, png
-from ual_daemon.backends.light.scene import Order
+from ual_daemon.backends.light.scene import PaintOrder
 
 
 def main() -> None:
@@ -18,11 +18,11 @@ def main() -> None:
     connection = Connection(int(sys.argv[1]))
     with suppress(EOFError, ConnectionError):
         while True:
-            order: Order = connection.recv()
+            order: PaintOrder = connection.recv()
             connection.send_bytes(_painted(order))
 
 
-def _painted(order: Order) -> bytes:
+def _painted(order: PaintOrder) -> bytes:
     where = order.camera, order.intrinsics, order.scene
     if order.kind is ImageKind.COLOUR:
         return png.encode(painting.paint(*where, order.noise, order.seed))

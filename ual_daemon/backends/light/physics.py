@@ -42,7 +42,7 @@ class FlightMode(IntEnum):
     """Holds only the height. GUIDED and HOLD change to this when the position is lost."""
 
 
-class Report(NamedTuple):
+class LightReport(NamedTuple):
     """The values that one autopilot reports."""
 
     position: tuple[float, float, float]

@@ -22,19 +22,19 @@ class Marker(NamedTuple):
     cells: tuple[tuple[bool, ...], ...]
 
 
-class Scene(NamedTuple):
+class PaintedScene(NamedTuple):
     """Visible objects. Places are in the local frame, in metres."""
 
     ground_z_m: float
     markers: Sequence[Marker] = ()
 
 
-class Order(NamedTuple):
+class PaintOrder(NamedTuple):
     """A picture that is to be painted. `noise` and `seed` are of colours."""
 
     camera: Pose
     intrinsics: CameraIntrinsics
-    scene: Scene
+    scene: PaintedScene
     kind: ImageKind = ImageKind.COLOUR
     noise: float = 0.0
     seed: int = 0

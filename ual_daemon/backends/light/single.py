@@ -19,7 +19,7 @@ from ual_daemon.backends.light.physics import (
     WIND_DRAG,
     YAW_GAIN,
     FlightMode,
-    Report,
+    LightReport,
     initial_row,
 )
 from ual_daemon.backends.light.settings import LightSettings
@@ -96,9 +96,9 @@ class Single:
         self.reported_conditions[0] = conditions
         return {0}
 
-    def report(self, index: int) -> Report:
+    def report(self, index: int) -> LightReport:
         """Returns what the autopilot reports."""
-        return Report(
+        return LightReport(
             _sum(self.position[0], self.estimate_offset[0]),
             self.velocity[0],
             self.yaw[0],

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 from ual.errors import InvalidArgumentError, WrongStateError
 from ual.geometry import Vector3
 from ual_daemon import logs
-from ual_daemon.backends.engine.contained import Contained
+from ual_daemon.backends.engine.contained import ErrorBarrier
 from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.light.painter import Painter
 from ual_daemon.backends.light.physics import NEVER_REPORTED, STEP_S
@@ -113,7 +113,7 @@ class World:
         """Number of the caller whose callback may be running now."""
         self._speed_factor = speed_factor
         self._thinning = Thinning()
-        self._contained = Contained("an update of a light UAV")
+        self._contained = ErrorBarrier("an update of a light UAV")
         self._changed = threading.Condition()
         self._thread: threading.Thread | None = None
 

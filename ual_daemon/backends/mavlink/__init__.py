@@ -9,11 +9,11 @@ Data runs one way through the rooms, which import only downward (a contract in p
 - ``links``: UDP, TCP and serial lines
 - ``settings``
 
-A received message passes links, wire (`Receiver`) and session (`Session`, `Telemetry`) once each, and becomes part of
-the next snapshot. A setpoint passes backend, autopilots (`SetpointEncoder`), wire (`Sender`) and links, on the caller's
-thread and past the session. ``autopilots`` lies above ``wire``, as it encodes and decodes the content of messages, and
-below ``session``, as it remembers nothing but what it has learned of the vehicle (`FeedForward`). What PX4 and
-ArduPilot are, apart from MAVLink, is in ``ual_daemon.backends.firmwares``.
+A received message passes links, wire (`Receiver`) and session (`MavlinkSession`, `AutopilotTelemetry`) once each, and
+becomes part of the next snapshot. A setpoint passes backend, autopilots (`SetpointEncoder`), wire (`Sender`) and links,
+on the caller's thread and past the session. ``autopilots`` lies above ``wire``, as it encodes and decodes the content
+of messages, and below ``session``, as it remembers nothing but what it has learned of the vehicle (`FeedForward`). What
+PX4 and ArduPilot are, apart from MAVLink, is in ``ual_daemon.backends.firmwares``.
 """
 
 from ual_daemon.backends.mavlink.backend import MavlinkBackend

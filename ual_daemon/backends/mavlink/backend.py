@@ -19,15 +19,15 @@ from ual_daemon.backends import futures
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.engine.command_desk import CommandDesk
-from ual_daemon.backends.firmwares.safety_pilot import SimulatedPilot
+from ual_daemon.backends.firmwares.safety_pilot import LinkPilot
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.firmwares.trigger_camera import TriggerCamera
 from ual_daemon.backends.firmwares.triggered_photos import viewpoint_of
 from ual_daemon.backends.mavlink.dialects.command_long import CommandLong, LongCommand
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
-from ual_daemon.backends.mavlink.links import Connection, Link, make_link
+from ual_daemon.backends.mavlink.links import LinkConnection, MavlinkLink, make_link
 from ual_daemon.backends.mavlink.links.endpoints import (
-    Place,
+    AutopilotAddress,
     SerialEndpoint,
     parse_place,
     vehicle_key,
@@ -41,7 +41,7 @@ from ual_daemon.backends.mavlink.offers.http_pictures import HttpPictures
 from ual_daemon.backends.mavlink.offers.lists import MavlinkLists, fence_of, missions_of
 from ual_daemon.backends.mavlink.offers.logs import MavlinkLogs
 from ual_daemon.backends.mavlink.offers.parameters import MavlinkParameters
-from ual_daemon.backends.mavlink.offers.reach import Orders, Reach
+from ual_daemon.backends.mavlink.offers.reach import Orders, ProtocolAccess
 from ual_daemon.backends.mavlink.packet_tap import PacketTap
 from ual_daemon.backends.mavlink.payload import MavlinkPayload
 from ual_daemon.backends.mavlink.protocols.camera_link import CameraLink
@@ -49,7 +49,7 @@ from ual_daemon.backends.mavlink.protocols.gimbal_link import GimbalLink
 from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
 from ual_daemon.backends.mavlink.session.receive_loop import ReceiveLoop
-from ual_daemon.backends.mavlink.session.session import Session
+from ual_daemon.backends.mavlink.session.session import MavlinkSession
 from ual_daemon.backends.mavlink.session.supervision import LinkStatistics
 from ual_daemon.backends.mavlink.settings import SECTION, MavlinkSettings, default_url
 from ual_daemon.backends.mavlink.wire.shared_link import SharedLink
@@ -70,7 +70,7 @@ class MavlinkBackend(Backend):
     outlived = True
     has_packets = True
 
-    def __init__(self, options: BackendOptions, new_link: Callable[[], Link] | None = None) -> None:
+    def __init__(self, options: BackendOptions, new_link: Callable[[], MavlinkLink] | None = None) -> None:
         """`new_link` makes the link of a vehicle that shares it with others; by default it has one of its own."""
         self._settings = convert(options.settings, MavlinkSettings, SECTION)
         self.url = options.url or self._settings.url or default_url(options.ns)
@@ -90,7 +90,7 @@ class MavlinkBackend(Backend):
         self._loop: ReceiveLoop | None = None
         self._desk: CommandDesk[CommandLong] | None = None
         self._pictures = HttpPictures(self._settings.picture_hosts)
-        reach = Reach(self._last_session, self._reach, self._post, self._give)
+        reach = ProtocolAccess(self._last_session, self._reach, self._post, self._give)
         parameters, lists = MavlinkParameters(reach), MavlinkLists(reach)
         self._offers = (
             parameters,
@@ -128,7 +128,7 @@ class MavlinkBackend(Backend):
 
     @override
     def open(self, on_update: UpdateCallback) -> None:
-        self._start(Connection(self._new_link(), self.url), on_update)
+        self._start(LinkConnection(self._new_link(), self.url), on_update)
 
     @override
     def close(self) -> None:
@@ -224,7 +224,7 @@ class MavlinkBackend(Backend):
 
     @override
     def safety_pilot(self) -> SafetyPilot | None:
-        return None if self._is_serial else SimulatedPilot(lambda: self._session_in_reach(self.clock.now_s()), self.arm)
+        return None if self._is_serial else LinkPilot(lambda: self._session_in_reach(self.clock.now_s()), self.arm)
 
     @override
     def payload(self) -> MavlinkPayload:
@@ -268,7 +268,7 @@ class MavlinkBackend(Backend):
     def _viewpoint(self) -> Viewpoint:
         return viewpoint_of(self.snapshot(), self.freshness)
 
-    def _last_session(self) -> Session | None:
+    def _last_session(self) -> MavlinkSession | None:
         return None if self._discovery is None else self._discovery.session
 
     def _post(self, request: Callable[[Discovery], None]) -> None:
@@ -284,7 +284,7 @@ class MavlinkBackend(Backend):
             return futures.failed(self._unheard(what))
         return loop.loop.give(what, lambda future, _: begin(discovery, future))
 
-    def _start(self, connection: Connection, on_update: UpdateCallback) -> None:
+    def _start(self, connection: LinkConnection, on_update: UpdateCallback) -> None:
         """Starts the thread that receives through a connection."""
         discovery = self._discovery = Discovery(
             self._settings, connection, self.url, self._setpoints, self._signer, self._payload_messages
@@ -312,7 +312,7 @@ class MavlinkBackend(Backend):
             return futures.failed(session if isinstance(session, UalError) else self._unheard(what))
         return desk.give(what, lambda: make(session.dialect))
 
-    def _reach(self, what: str) -> Session | UalError:
+    def _reach(self, what: str) -> MavlinkSession | UalError:
         """Returns the session that commands go to now, or why there is none."""
         session = self._session_in_reach(self.clock.now_s())
         if session is None:
@@ -323,13 +323,13 @@ class MavlinkBackend(Backend):
     def _unheard(self, what: str) -> LinkLostError:
         return LinkLostError(f"cannot {what}: no autopilot is heard at {self.url}")
 
-    def _session_in_reach(self, now_s: float) -> Session | None:
+    def _session_in_reach(self, now_s: float) -> MavlinkSession | None:
         """The session with the autopilot while its link is up, else None."""
         discovery = self._discovery
         return discovery.session if discovery is not None and discovery.watch.is_up(now_s) else None
 
 
-def _with_system_id(settings: MavlinkSettings, place: Place) -> MavlinkSettings:
+def _with_system_id(settings: MavlinkSettings, place: AutopilotAddress) -> MavlinkSettings:
     """Returns the settings with the system id that the URL names."""
     if place.system_id is None:
         return settings
@@ -338,7 +338,7 @@ def _with_system_id(settings: MavlinkSettings, place: Place) -> MavlinkSettings:
     return structs.replace(settings, system_id=place.system_id)
 
 
-def _links(urls: Sequence[str]) -> list[Callable[[], Link]]:
+def _links(urls: Sequence[str]) -> list[Callable[[], MavlinkLink]]:
     """Returns what makes the link of each vehicle of a fleet: those behind one link have a part of it each.
 
     Raises:
@@ -352,7 +352,7 @@ def _links(urls: Sequence[str]) -> list[Callable[[], Link]]:
         for each, count in counts.items()
         if count > 1
     }
-    made: list[Callable[[], Link]] = []
+    made: list[Callable[[], MavlinkLink]] = []
     for url, (endpoint, system_id) in zip(urls, places, strict=True):
         if endpoint not in shared:
             made.append(partial(make_link, endpoint))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ual_daemon.backends.clock import MonotonicClock
-from ual_daemon.backends.mavlink.links import Address, Connection
+from ual_daemon.backends.mavlink.links import Address, LinkConnection
 from ual_daemon.backends.values import Packet
 
 ENCODING = "mavlink"
@@ -14,7 +14,7 @@ ENCODING = "mavlink"
 class PacketTap:
     """Makes packets of the bytes that a connection receives and sends."""
 
-    def __init__(self, on_packet: Callable[[Packet], None], connection: Connection, clock: MonotonicClock) -> None:
+    def __init__(self, on_packet: Callable[[Packet], None], connection: LinkConnection, clock: MonotonicClock) -> None:
         self._on_packet = on_packet
         self._connection = connection
         self._clock = clock

@@ -7,7 +7,7 @@ from typing_extensions import override
 from ual.geometry import Vector3
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
-from ual_daemon.backends.mavlink.links import Address, Transport
+from ual_daemon.backends.mavlink.links import Address, MessageTransport
 from ual_daemon.backends.mavlink.packet_tap import ENCODING, peer_address
 from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
@@ -18,7 +18,7 @@ __all__ = ["ENCODING", "NoLink", "Playback"]
 _TICK_S = 0.05
 
 
-class NoLink(Transport):
+class NoLink(MessageTransport):
     """Sends nothing, and says that it has: what the session asks for was answered in the recording."""
 
     def __init__(self, *, is_stream: bool) -> None:

@@ -16,28 +16,28 @@ from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.engine.command import Command
 from ual_daemon.backends.engine.command_desk import CommandDesk
 from ual_daemon.backends.engine.command_runner import CommandRunner
-from ual_daemon.backends.engine.contained import Contained
+from ual_daemon.backends.engine.contained import ErrorBarrier
 from ual_daemon.backends.engine.loop import Loop, Posted
 from ual_daemon.backends.firmwares.autopilot import Autopilot
 from ual_daemon.backends.firmwares.listed_fence import KnownAutopilot, ListedFence
 from ual_daemon.backends.firmwares.listed_missions import HeardMission, ListedMissions, MissionAccess
-from ual_daemon.backends.firmwares.safety_pilot import SimulatedPilot
+from ual_daemon.backends.firmwares.safety_pilot import LinkPilot
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.firmwares.triggered_photos import viewpoint_of
 from ual_daemon.backends.mavros import commands, topics
-from ual_daemon.backends.mavros.commands import Call
+from ual_daemon.backends.mavros.commands import MavrosCall
 from ual_daemon.backends.mavros.corrections import MavrosCorrections
-from ual_daemon.backends.mavros.discovery import Discovery
-from ual_daemon.backends.mavros.offers.cameras import MavrosCameras, Means
+from ual_daemon.backends.mavros.discovery import MavrosDiscovery
+from ual_daemon.backends.mavros.offers.cameras import CameraServices, MavrosCameras
 from ual_daemon.backends.mavros.offers.gimbals import MavrosGimbal
 from ual_daemon.backends.mavros.offers.gripper import MavrosGripper
 from ual_daemon.backends.mavros.offers.lists import MavrosLists
 from ual_daemon.backends.mavros.offers.parameters import MavrosParameters
-from ual_daemon.backends.mavros.offers.services import Reach, Services
-from ual_daemon.backends.mavros.session import FRESHNESS, Session
+from ual_daemon.backends.mavros.offers.services import MavrosAccess, Services
+from ual_daemon.backends.mavros.session import FRESHNESS, MavrosSession
 from ual_daemon.backends.mavros.settings import SECTION, MavrosSettings
 from ual_daemon.backends.offers.gimbals import OneGimbal
-from ual_daemon.backends.rosbridge import DEFAULT_URL, Message, Ros, RosbridgeLink, parse_url
+from ual_daemon.backends.rosbridge import DEFAULT_URL, Message, RosbridgeLink, RosGeneration, parse_url
 from ual_daemon.backends.values import LinkReport, Setpoint, Snapshot, VehicleInfo
 from ual_daemon.settings import convert
 
@@ -60,14 +60,16 @@ class MavrosBackend(Backend):
         self._sent = SetpointMonitor()
         self._setpoint_topic = f"{self._settings.node}/{topics.SETPOINT}"
         self._link: RosbridgeLink | None = None
-        self._discovery: Discovery | None = None
+        self._discovery: MavrosDiscovery | None = None
         self._loop: Loop | None = None
-        self._desk: CommandDesk[Call] | None = None
+        self._desk: CommandDesk[MavrosCall] | None = None
         self._on_update: UpdateCallback = lambda _: None
         self._info = VehicleInfo()
         self._has_news = False
         self._corrections = self._make_corrections(f"{self._settings.node}/{topics.RTCM}")
-        reach = Reach(self._last_session, self._reached, self._give_future, self._call_slowly, self._ros, self._node)
+        reach = MavrosAccess(
+            self._last_session, self._reached, self._give_future, self._call_slowly, self._ros, self._node
+        )
         self._services = Services(reach), Services(reach)
         self._cameras = MavrosCameras(self._camera_means(), is_there=self._settings.has_camera_trigger)
         beside: tuple[MavrosCorrections | MavrosCameras | Services, ...] = (
@@ -75,7 +77,7 @@ class MavrosBackend(Backend):
             self._cameras,
             *self._services,
         )
-        self._beside = [(Contained(type(each).__name__), each) for each in beside]
+        self._beside = [(ErrorBarrier(type(each).__name__), each) for each in beside]
         self._parameters = MavrosParameters(self._services[0])
         lists = MavrosLists(self._services[1])
         gripper = MavrosGripper(self._last_session, self._give, self._post)
@@ -89,7 +91,7 @@ class MavrosBackend(Backend):
             ListedMissions(self._mission_access(lists)),
         )
 
-    def _camera_means(self) -> Means:
+    def _camera_means(self) -> CameraServices:
         def why_not(what: str) -> LinkLostError | None:
             reached = self._reached(what)
             return reached if isinstance(reached, LinkLostError) else None
@@ -102,7 +104,7 @@ class MavrosBackend(Backend):
             session = self._last_session()
             return 0 if session is None else session.telemetry.boots_count
 
-        return Means(
+        return CameraServices(
             lambda order: self._give(order.what, commands.move(order)),
             lambda act: self._post(lambda _: act()),
             self._give_future,
@@ -137,7 +139,7 @@ class MavrosBackend(Backend):
         link = self._link = self._make_link()
         link.advertise(self._setpoint_topic, topics.SETPOINT_TYPE)
         link.advertise(f"{self._settings.node}/{topics.RTCM}", topics.RTCM_TYPE)
-        discovery = self._discovery = Discovery(link, self._settings, self._sent, self._on_message, self.utc_s)
+        discovery = self._discovery = MavrosDiscovery(link, self._settings, self._sent, self._on_message, self.utc_s)
         self._loop = Loop(discovery, self.clock, discovery.watch, self._update)
         self._desk = CommandDesk(self._loop, self.clock, self._reach)
         link.open()
@@ -193,7 +195,7 @@ class MavrosBackend(Backend):
     def take_off(self, height_m: float, limits: Limits) -> Future[None]:
         is_slower = limits.climb_speed_m_s < self.info().limits.climb_speed_m_s
 
-        def make(session: Session) -> Command[Call]:
+        def make(session: MavrosSession) -> Command[MavrosCall]:
             snapshot = session.snapshot(self.clock.now_s())
             altitude_m = session.autopilot.takeoff_altitude_m(height_m, snapshot, is_slower=is_slower)
             return commands.taking_off(session.autopilot, altitude_m)
@@ -207,7 +209,7 @@ class MavrosBackend(Backend):
 
     @override
     def take_control(self) -> Future[None]:
-        def make(session: Session) -> Command[Call]:
+        def make(session: MavrosSession) -> Command[MavrosCall]:
             autopilot = session.autopilot
             return commands.set_mode(autopilot.setpoint_mode, "take control", autopilot.setpoints_before_mode_s)
 
@@ -223,7 +225,7 @@ class MavrosBackend(Backend):
 
     @override
     def safety_pilot(self) -> SafetyPilot | None:
-        return SimulatedPilot(lambda: self._session_in_reach(self.clock.now_s()), self.arm)
+        return LinkPilot(lambda: self._session_in_reach(self.clock.now_s()), self.arm)
 
     @override
     def offer(self, kind: type[T]) -> T | None:
@@ -246,7 +248,7 @@ class MavrosBackend(Backend):
             for contained, each in self._beside:
                 contained.call(each.tick, now_s)
 
-    def _on_message(self, session: Session, topic: str, message: Message, now_s: float) -> None:
+    def _on_message(self, session: MavrosSession, topic: str, message: Message, now_s: float) -> None:
         """Takes a message of MAVROS for the session; one with a field that is missing is logged by the link."""
         was_ours, mode_name = session.takes_setpoints, session.telemetry.mode_name
         session.on_message(topic, message, now_s)
@@ -270,10 +272,10 @@ class MavrosBackend(Backend):
             session.telemetry.corrections_age_s = self._corrections.age_s(snapshot.time_s)
         self._on_update(snapshot)
 
-    def _command(self, what: str, make: Callable[[Session], Command[Call]]) -> Future[None]:
+    def _command(self, what: str, make: Callable[[MavrosSession], Command[MavrosCall]]) -> Future[None]:
         """Passes a command to the link's thread; its future ends there."""
 
-        def make_now() -> Command[Call]:
+        def make_now() -> Command[MavrosCall]:
             session = None if self._discovery is None else self._discovery.session
             if session is None:  # it was in reach a moment ago
                 raise self._why_not(what)
@@ -282,10 +284,10 @@ class MavrosBackend(Backend):
         desk = self._desk
         return futures.failed(self._why_not(what)) if desk is None else desk.give(what, make_now)
 
-    def _give(self, what: str, command: Command[Call]) -> Future[None]:
+    def _give(self, what: str, command: Command[MavrosCall]) -> Future[None]:
         return self._command(what, lambda _: command)
 
-    def _reach(self, what: str) -> CommandRunner[Call] | LinkLostError:
+    def _reach(self, what: str) -> CommandRunner[MavrosCall] | LinkLostError:
         session = self._session_in_reach(self.clock.now_s())
         return self._why_not(what) if session is None else session.runner
 
@@ -294,7 +296,7 @@ class MavrosBackend(Backend):
     def _now_s(self) -> float:
         return self.clock.now_s()
 
-    def _last_session(self) -> Session | None:
+    def _last_session(self) -> MavrosSession | None:
         return None if self._discovery is None else self._discovery.session
 
     def _known(self) -> KnownAutopilot | None:
@@ -318,7 +320,7 @@ class MavrosBackend(Backend):
 
         return MissionAccess(lists, autopilot, heard, lists.choose, fly, self._parameters.read, here)
 
-    def _reached(self, what: str) -> Session | LinkLostError:
+    def _reached(self, what: str) -> MavrosSession | LinkLostError:
         return self._session_in_reach(self.clock.now_s()) or self._why_not(what)
 
     def _post(self, request: Posted) -> None:
@@ -336,7 +338,7 @@ class MavrosBackend(Backend):
         name = service if service.startswith("/") else f"{self._settings.node}/{service}"
         return self._link.call_slow_service(name, arguments, limit_s)
 
-    def _ros(self) -> Ros | None:
+    def _ros(self) -> RosGeneration | None:
         graph = None if self._link is None else self._link.graph
         return None if graph is None else graph.ros
 
@@ -347,7 +349,7 @@ class MavrosBackend(Backend):
         why = "" if self._discovery is None else self._discovery.why_not
         return LinkLostError(f"cannot {what}: {why or f'no autopilot is heard at {self.url}'}")
 
-    def _session_in_reach(self, now_s: float) -> Session | None:
+    def _session_in_reach(self, now_s: float) -> MavrosSession | None:
         """The session with the autopilot while MAVROS passes on what it sends, else None. From any thread."""
         discovery, link = self._discovery, self._link
         session = None if discovery is None else discovery.session

@@ -48,7 +48,7 @@ Answer = Message | ServiceError
 """The answer of a service, or why there is none."""
 
 
-class Call(NamedTuple):
+class MavrosCall(NamedTuple):
     """A service of MAVROS, and its arguments."""
 
     service: str
@@ -60,11 +60,13 @@ class Call(NamedTuple):
         return str(self.arguments.get("custom_mode", ""))
 
 
-def set_mode(name: str, what: str, setpoints_before_s: float = 0.0, then: Command[Call] | None = None) -> Command[Call]:
+def set_mode(
+    name: str, what: str, setpoints_before_s: float = 0.0, then: Command[MavrosCall] | None = None
+) -> Command[MavrosCall]:
     """Changes the mode."""
     return Command(
         what,
-        Call(topics.SET_MODE, {"base_mode": 0, "custom_mode": name}),
+        MavrosCall(topics.SET_MODE, {"base_mode": 0, "custom_mode": name}),
         FLYING,
         mode=name,
         shows=shows_mode(name),
@@ -75,22 +77,22 @@ def set_mode(name: str, what: str, setpoints_before_s: float = 0.0, then: Comman
     )
 
 
-def arm_or_disarm(*, is_arming: bool) -> Command[Call]:
+def arm_or_disarm(*, is_arming: bool) -> Command[MavrosCall]:
     """Arms or disarms, never by force."""
-    what, call = "arm" if is_arming else "disarm", Call(topics.ARMING, {"value": is_arming})
+    what, call = "arm" if is_arming else "disarm", MavrosCall(topics.ARMING, {"value": is_arming})
     return Command(what, call, ARMING, shows=shows_armed(is_armed=is_arming), repeat=_AGAIN)
 
 
-def climb(altitude_m: float) -> Command[Call]:
+def climb(altitude_m: float) -> Command[MavrosCall]:
     """Takes off to a height above home, as ArduPilot takes it. Its place is where it stands."""
     place = {"min_pitch": 0.0, "yaw": 0.0, "latitude": 0.0, "longitude": 0.0}
     shows = shows_landed(LandedState.TAKING_OFF, LandedState.IN_AIR)
     return Command(
-        "take off", Call(topics.TAKE_OFF, {**place, "altitude": altitude_m}), FLYING, shows=shows, repeat=_AGAIN
+        "take off", MavrosCall(topics.TAKE_OFF, {**place, "altitude": altitude_m}), FLYING, shows=shows, repeat=_AGAIN
     )
 
 
-def arming(autopilot: Autopilot, snapshot: Snapshot) -> Command[Call]:
+def arming(autopilot: Autopilot, snapshot: Snapshot) -> Command[MavrosCall]:
     """Arms, from a mode in which it can be armed."""
     mode = snapshot.control.mode_name
     arm = arm_or_disarm(is_arming=True)
@@ -99,16 +101,16 @@ def arming(autopilot: Autopilot, snapshot: Snapshot) -> Command[Call]:
     return set_mode(autopilot.arming_mode, f"leave {mode}, to be armed", then=arm)
 
 
-def taking_off(autopilot: Autopilot, altitude_m: float | None) -> Command[Call]:
+def taking_off(autopilot: Autopilot, altitude_m: float | None) -> Command[MavrosCall]:
     """Takes off: by setpoints, or to a height above home."""
     then = None if altitude_m is None else climb(altitude_m)
     return set_mode(autopilot.setpoint_mode, "take off", autopilot.setpoints_before_mode_s, then)
 
 
-def move(order: PayloadOrder) -> Command[Call]:
+def move(order: PayloadOrder) -> Command[MavrosCall]:
     """Moves something that the UAV carries. Sent once: MAVROS refuses a second one while it waits for an answer."""
     params = {f"param{number}": value for number, value in enumerate(order.params, 1)}
-    call = Call(topics.COMMAND, {"command": order.id, **params})
+    call = MavrosCall(topics.COMMAND, {"command": order.id, **params})
     return replace(ordered(Command(order.what, call), order), repeat=Repeat(every_s=CALL_S + 0.5, most=1))
 
 
@@ -119,7 +121,7 @@ def as_int(order: PayloadOrder) -> Message:
     return {"frame": _NO_FRAME, "command": order.id, **params, "x": int(x), "y": int(y), "z": z}
 
 
-def fly_mission(autopilot: Autopilot) -> Command[Call]:
+def fly_mission(autopilot: Autopilot) -> Command[MavrosCall]:
     """Enters the mode in which it flies its mission. Never arms.
 
     On the ground ArduPilot waits in that mode for a raised throttle, or for a command, which is sent in the air, too.
@@ -132,11 +134,11 @@ def fly_mission(autopilot: Autopilot) -> Command[Call]:
     if codec is None:
         raise NotSupportedError(f"UAL flies no missions of {autopilot.name}")
     what = "fly the mission"
-    start = Command(what, Call(topics.COMMAND, {"command": _MISSION_START}), FLYING, mode=codec.mode)
+    start = Command(what, MavrosCall(topics.COMMAND, {"command": _MISSION_START}), FLYING, mode=codec.mode)
     return set_mode(codec.mode, what, then=start if codec.is_ardupilot else None)
 
 
-class Reply(NamedTuple):
+class MavrosReply(NamedTuple):
     """Verdict, text and author of an answer; see `CommandRunner.on_answer`."""
 
     verdict: Verdict
@@ -144,30 +146,30 @@ class Reply(NamedTuple):
     by: str = ""
 
 
-def read_answer(call: Call, answer: Answer, after_s: float = 0.0) -> Reply:
+def read_answer(call: MavrosCall, answer: Answer, after_s: float = 0.0) -> MavrosReply:
     """Reads the answer of a service, which came after a time. One that has not come in time may have been executed."""
     if isinstance(answer, ServiceTimeoutError):
-        return Reply(Verdict.LOST)
+        return MavrosReply(Verdict.LOST)
     if isinstance(answer, ServiceError):
-        return Reply(Verdict.REFUSED, str(answer), "MAVROS")
+        return MavrosReply(Verdict.REFUSED, str(answer), "MAVROS")
     if call.service == topics.SET_MODE:
-        unknown = Reply(Verdict.REFUSED, "MAVROS does not know the mode, or hears no autopilot")
-        return Reply(Verdict.PASSED_ON) if answer.get("mode_sent") else unknown
+        unknown = MavrosReply(Verdict.REFUSED, "MAVROS does not know the mode, or hears no autopilot")
+        return MavrosReply(Verdict.PASSED_ON) if answer.get("mode_sent") else unknown
     return _read_result(call, int(answer.get("result", _ACCEPTED)), after_s, is_done=bool(answer.get("success")))
 
 
-def _read_result(call: Call, result: int, after_s: float, *, is_done: bool) -> Reply:
+def _read_result(call: MavrosCall, result: int, after_s: float, *, is_done: bool) -> MavrosReply:
     """MAVROS passes on the first acknowledgement only: of one that says "in progress" the end is never told.
 
     Arming and take-off show their effect, so they wait for it. Of what else is commanded only answers tell.
     """
     if is_done:
-        return Reply(Verdict.ACCEPTED)
+        return MavrosReply(Verdict.ACCEPTED)
     if result == _FAILED and after_s >= _NO_ACK_S:
-        return Reply(Verdict.LOST)
+        return MavrosReply(Verdict.LOST)
     is_told_by_answer = call.service == topics.COMMAND
     if result == _IN_PROGRESS:
-        return Reply(Verdict.ACCEPTED if is_told_by_answer else Verdict.PASSED_ON)
+        return MavrosReply(Verdict.ACCEPTED if is_told_by_answer else Verdict.PASSED_ON)
     if result == _ACCEPTED:  # no acknowledgement came
-        return Reply(Verdict.LOST if is_told_by_answer else Verdict.PASSED_ON)
-    return Reply(Verdict.REFUSED, _RESULTS.get(result, f"result {result}"))
+        return MavrosReply(Verdict.LOST if is_told_by_answer else Verdict.PASSED_ON)
+    return MavrosReply(Verdict.REFUSED, _RESULTS.get(result, f"result {result}"))

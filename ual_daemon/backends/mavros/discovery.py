@@ -15,7 +15,7 @@ from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavros import topics
 from ual_daemon.backends.mavros.commands import Answer
-from ual_daemon.backends.mavros.session import FRESHNESS, Session
+from ual_daemon.backends.mavros.session import FRESHNESS, MavrosSession
 from ual_daemon.backends.mavros.settings import MavrosSettings
 from ual_daemon.backends.mavros.topics import TOPICS
 from ual_daemon.backends.mavros.vehicle import VehicleDescription, read_vehicle
@@ -33,10 +33,10 @@ _CALL_S = 3.0
 _SILENCE_S = 5.0
 """Seconds of silence after which a topic is subscribed to anew."""
 
-OnMessage = Callable[[Session, str, Message, float], None]
+OnMessage = Callable[[MavrosSession, str, Message, float], None]
 
 
-class Discovery:
+class MavrosDiscovery:
     """`on_message` gets the messages of the session's autopilot; `why_not` says human-readably why none is flown.
 
     It is what the backend's loop drives.
@@ -50,7 +50,7 @@ class Discovery:
         on_message: OnMessage,
         utc_s: Callable[[], float],
     ) -> None:
-        self.session: Session | None = None
+        self.session: MavrosSession | None = None
         self.watch = LinkWatch(str(link.url), FRESHNESS.link_s)
         self.info = VehicleInfo()
         """Vehicle info while there is no session."""
@@ -192,7 +192,7 @@ class Discovery:
         if session is not None and session.description[:3] == found[:3]:
             session.description = found if found.has_version else session.description
             return
-        session = self.session = Session(
+        session = self.session = MavrosSession(
             found, autopilot, self._settings, self._sent, self.call, self.watch, self._utc_s, self._holds_up_calls
         )
         logs.event(_log, logging.INFO, "autopilot_connected", autopilot=autopilot.name, system_id=found.system_id)
@@ -201,7 +201,7 @@ class Discovery:
         self._subscribed.clear()
         self._subscribe(session)
 
-    def _subscribe(self, session: Session) -> None:
+    def _subscribe(self, session: MavrosSession) -> None:
         """Subscribes to what is there, and to what must be. What MAVROS latches comes again with each subscription."""
         graph = self._link.graph
         for topic, how in TOPICS.items():

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 
 from ual_daemon.backends.firmwares.autopilot import Autopilot
-from ual_daemon.backends.firmwares.gimbal_protocol import Identity, attitude_of, failures_of
+from ual_daemon.backends.firmwares.gimbal_protocol import GimbalIdentity, attitude_of, failures_of
 from ual_daemon.backends.mavros import topics
 from ual_daemon.backends.offers.gimbals import GimbalAttitude
 from ual_daemon.backends.rosbridge import Message
@@ -41,7 +41,7 @@ class GimbalTopics:
         self._attitude, self._problems = None, ()
 
     @property
-    def identity(self) -> Identity | None:
+    def identity(self) -> GimbalIdentity | None:
         """Identity of the gimbal; None where there is none."""
         return None if self._codec is None else self._codec.identity(self._parameters)
 

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from ual_daemon.backends.engine.plausibility import Plausibility
 from ual_daemon.backends.firmwares.autopilot import Autopilot
 from ual_daemon.backends.mavros import topics
-from ual_daemon.backends.rosbridge import Message, Ros
+from ual_daemon.backends.rosbridge import Message, RosGeneration
 from ual_daemon.backends.rosbridge.fields import number
 
 FIRST_ROUND_S, LONGEST_ROUND_S = 2.0, 60.0
@@ -60,7 +60,7 @@ class ParameterReader:
         """For people the names of those that should be there, and have not come."""
         return self._autopilot.missing_parameters(self._parameters)
 
-    def tick(self, now_s: float, ros: Ros, call: Call) -> bool:
+    def tick(self, now_s: float, ros: RosGeneration, call: Call) -> bool:
         """Asks for what is due. Returns whether it has called a service."""
         if not self._queue:
             self._queue = self._new_beside(now_s)
@@ -68,7 +68,7 @@ class ParameterReader:
             if now_s < self._next_s:
                 return False
             self._begin_round(now_s)
-        if ros is Ros.ROS2:
+        if ros is RosGeneration.ROS2:
             names, self._queue = self._queue, []
             call(topics.GET_PARAMETERS_ROS2, {"names": names}, lambda answer: self._on_values(names, answer), 3.0)
         else:

@@ -31,13 +31,13 @@ from ual_daemon.backends.firmwares.numbers import IGNORES_POSITION, VtolState
 from ual_daemon.backends.firmwares.sender_watch import SenderWatch
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavros import messages, topics
-from ual_daemon.backends.mavros.commands import CALL_S, TEXT_S, Answer, Call, read_answer
+from ual_daemon.backends.mavros.commands import CALL_S, TEXT_S, Answer, MavrosCall, read_answer
 from ual_daemon.backends.mavros.parameters import ParameterReader
 from ual_daemon.backends.mavros.settings import MavrosSettings
 from ual_daemon.backends.mavros.streams import GIMBAL, StreamRequests, streams_of
-from ual_daemon.backends.mavros.telemetry import Telemetry, target
+from ual_daemon.backends.mavros.telemetry import MavrosTelemetry, target
 from ual_daemon.backends.mavros.vehicle import VehicleDescription
-from ual_daemon.backends.rosbridge import Message, Ros
+from ual_daemon.backends.rosbridge import Message, RosGeneration
 from ual_daemon.backends.rosbridge.calls import ServiceError
 from ual_daemon.backends.rosbridge.fields import number, numbers, stamp_s
 from ual_daemon.backends.values import Freshness, PositionSetpoint, Setpoint, Snapshot, VehicleInfo
@@ -63,7 +63,7 @@ withdraws the call, if it has not left yet.
 """
 
 
-class Session:
+class MavrosSession:
     """The session with the autopilot of a description. `sent` are the setpoints that were sent to it."""
 
     def __init__(
@@ -80,7 +80,7 @@ class Session:
         """`holds_up_calls` returns whether a call that is made now may be executed late."""
         self.description = description
         self.autopilot = autopilot
-        self.telemetry = telemetry = Telemetry(autopilot, watch, utc_s)
+        self.telemetry = telemetry = MavrosTelemetry(autopilot, watch, utc_s)
         self._watch = watch
         watch.on_lost = self._on_lost
         self.freshness = FRESHNESS
@@ -88,7 +88,7 @@ class Session:
         learns = settings.learns_feed_forward and autopilot.takes_feed_forward
         self._feed_forward = FeedForward(settings.drag_1_s, telemetry.parameters) if learns else None
         self._holds_up_calls = holds_up_calls
-        self.runner: CommandRunner[Call] = CommandRunner(
+        self.runner: CommandRunner[MavrosCall] = CommandRunner(
             autopilot.name,
             self._transmit,
             telemetry.snapshot,
@@ -116,7 +116,7 @@ class Session:
             self._on_parameters,
             lambda: telemetry.gimbal.wanted,
         )
-        self._ros = Ros.ROS1
+        self._ros = RosGeneration.ROS1
         self._streams = StreamRequests(streams_of(autopilot, settings.pose_rate_hz), telemetry.counts)
         self.reads_parameters = True
         """Whether MAVROS has its whole copy of the parameters. It has not while it fetches them."""
@@ -194,7 +194,7 @@ class Session:
         self._streams.restart()
         self._calling = ""
 
-    def tick(self, now_s: float, ros: Ros) -> None:
+    def tick(self, now_s: float, ros: RosGeneration) -> None:
         """Does what is due; to be called often."""
         self._now_s = now_s
         self._began_s = min(self._began_s, now_s)
@@ -298,7 +298,7 @@ class Session:
         is_late = self._calling == topics.SET_INTERVAL or self._holds_up_calls()
         return "the bridge or MAVROS would execute it late" if is_late else ""
 
-    def _transmit(self, call: Call, _: int, key: Hashable) -> Callable[[], object]:
+    def _transmit(self, call: MavrosCall, _: int, key: Hashable) -> Callable[[], object]:
         """Calls the service of a command. Returns what takes the call back while it has not left."""
         if call.mode:
             self._causes.on_own_command(call.mode, self._now_s)
@@ -330,7 +330,7 @@ class Session:
             return FAST_HEARTBEAT_S
         return HEARTBEAT_S if self.telemetry.is_armed else SLOW_HEARTBEAT_S
 
-    def _ask(self, now_s: float, ros: Ros) -> bool:
+    def _ask(self, now_s: float, ros: RosGeneration) -> bool:
         telemetry = self.telemetry
         return (
             (self._is_home_wanted(now_s) and self._request(_HOME_ID, now_s, HOME_S))
@@ -345,7 +345,7 @@ class Session:
         is_wanted, watch.is_wanted = watch.is_wanted, False
         return is_wanted or self.telemetry.home_s < now_s
 
-    def _read_parameters(self, now_s: float, ros: Ros) -> bool:
+    def _read_parameters(self, now_s: float, ros: RosGeneration) -> bool:
         missing = self._parameters.missing
         if missing and now_s - self._began_s > 60.0 and missing != self._reported_missing:
             self._reported_missing = missing
@@ -360,7 +360,7 @@ class Session:
 
     def _on_parameters(self) -> None:
         self.telemetry.fence.update()
-        if self._ros is Ros.ROS2 and self.telemetry.gimbal.identity is not None:
+        if self._ros is RosGeneration.ROS2 and self.telemetry.gimbal.identity is not None:
             self._streams.add(GIMBAL)
 
     def _request(self, message_id: int, now_s: float, period_s: float) -> bool:

@@ -32,7 +32,7 @@ _MISSION_CURRENT, _GPS_RTK, _GPS2_RTK, _GIMBAL_DEVICE_ATTITUDE_STATUS = 42, 127,
 _SERVO_OUTPUT_RAW, _BATTERY_STATUS, _ESTIMATOR_STATUS, _HOME_POSITION, _EXTENDED_SYS_STATE = 36, 147, 230, 242, 245
 
 
-class Stream(NamedTuple):
+class TopicStream(NamedTuple):
     """A MAVLink message that makes MAVROS publish a topic, and its rate.
 
     `is_counted`: the topic shows whether it comes. Else the answer of the autopilot counts.
@@ -44,49 +44,49 @@ class Stream(NamedTuple):
     is_counted: bool = True
 
 
-def streams_of(autopilot: Autopilot, pose_rate_hz: float) -> tuple[Stream, ...]:
+def streams_of(autopilot: Autopilot, pose_rate_hz: float) -> tuple[TopicStream, ...]:
     """Returns the streams that are needed, the most important ones first."""
     return (
-        *(() if autopilot.takes_feed_forward else (Stream(topics.STATE, _HEARTBEAT, 10.0),)),
-        Stream(topics.EXTENDED_STATE, _EXTENDED_SYS_STATE, 10.0),
-        Stream(topics.POSE, _LOCAL_POSITION_NED, pose_rate_hz),
-        Stream(topics.IMU, _ATTITUDE_QUATERNION, pose_rate_hz),
-        Stream(topics.SYS_STATUS, _SYS_STATUS, 5.0),
-        *((Stream(topics.ESTIMATOR_STATUS, _ESTIMATOR_STATUS, 5.0),) if autopilot.takes_feed_forward else ()),
-        Stream(topics.ORIGIN, _GPS_GLOBAL_ORIGIN, 1.0),
-        Stream(topics.HOME, _HOME_POSITION, 1.0),
-        Stream(topics.GLOBAL, _GLOBAL_POSITION_INT, 5.0),
-        Stream(topics.FIX, _GPS_RAW_INT, 2.0),
-        Stream(topics.VFR_HUD, _VFR_HUD, 2.0),
-        Stream(topics.TARGET, _TARGET, 10.0),
-        Stream(topics.RC_IN, _RC_CHANNELS, 5.0),
-        *((Stream(topics.RC_OUT, _SERVO_OUTPUT_RAW, 2.0),) if autopilot.tells_motors else ()),
-        Stream(topics.BATTERY, _BATTERY_STATUS, 1.0),
+        *(() if autopilot.takes_feed_forward else (TopicStream(topics.STATE, _HEARTBEAT, 10.0),)),
+        TopicStream(topics.EXTENDED_STATE, _EXTENDED_SYS_STATE, 10.0),
+        TopicStream(topics.POSE, _LOCAL_POSITION_NED, pose_rate_hz),
+        TopicStream(topics.IMU, _ATTITUDE_QUATERNION, pose_rate_hz),
+        TopicStream(topics.SYS_STATUS, _SYS_STATUS, 5.0),
+        *((TopicStream(topics.ESTIMATOR_STATUS, _ESTIMATOR_STATUS, 5.0),) if autopilot.takes_feed_forward else ()),
+        TopicStream(topics.ORIGIN, _GPS_GLOBAL_ORIGIN, 1.0),
+        TopicStream(topics.HOME, _HOME_POSITION, 1.0),
+        TopicStream(topics.GLOBAL, _GLOBAL_POSITION_INT, 5.0),
+        TopicStream(topics.FIX, _GPS_RAW_INT, 2.0),
+        TopicStream(topics.VFR_HUD, _VFR_HUD, 2.0),
+        TopicStream(topics.TARGET, _TARGET, 10.0),
+        TopicStream(topics.RC_IN, _RC_CHANNELS, 5.0),
+        *((TopicStream(topics.RC_OUT, _SERVO_OUTPUT_RAW, 2.0),) if autopilot.tells_motors else ()),
+        TopicStream(topics.BATTERY, _BATTERY_STATUS, 1.0),
         *(() if autopilot.takes_feed_forward else _UNCOUNTED),
     )
 
 
 _UNCOUNTED = (
-    Stream(topics.MISSION, _MISSION_CURRENT, 2.0, is_counted=False),
-    Stream(topics.GPS_RTK, _GPS_RTK, 1.0, is_counted=False),
-    Stream(topics.GPS2_RTK, _GPS2_RTK, 1.0, is_counted=False),
+    TopicStream(topics.MISSION, _MISSION_CURRENT, 2.0, is_counted=False),
+    TopicStream(topics.GPS_RTK, _GPS_RTK, 1.0, is_counted=False),
+    TopicStream(topics.GPS2_RTK, _GPS2_RTK, 1.0, is_counted=False),
 )
 """Streams of ArduPilot that come now and then, or from some receivers only."""
 
 
-GIMBAL = Stream(topics.GIMBAL, _GIMBAL_DEVICE_ATTITUDE_STATUS, 10.0, is_counted=False)
+GIMBAL = TopicStream(topics.GIMBAL, _GIMBAL_DEVICE_ATTITUDE_STATUS, 10.0, is_counted=False)
 """Stream of an autopilot that has a gimbal. Only MAVROS of ROS 2 publishes it."""
 
 
 class StreamRequests:
     """Asks for the streams that do not come, one call at a time."""
 
-    def __init__(self, streams: tuple[Stream, ...], counts: Mapping[str, int]) -> None:
+    def __init__(self, streams: tuple[TopicStream, ...], counts: Mapping[str, int]) -> None:
         self._streams = streams
         self._counts = counts
         self._before: dict[str, int] = dict(counts)
         self._looked_s = -math.inf
-        self._wanted: list[Stream] = list(streams)
+        self._wanted: list[TopicStream] = list(streams)
         self._granted: set[str] = set()
         """The topics for which the autopilot has granted a rate."""
         self._asks: Counter[str] = Counter()
@@ -97,7 +97,7 @@ class StreamRequests:
         self._granted.clear()
         self._asks.clear()
 
-    def add(self, stream: Stream) -> None:
+    def add(self, stream: TopicStream) -> None:
         """Asks for another one, too."""
         if stream not in self._streams:
             self._streams = (*self._streams, stream)
@@ -119,7 +119,7 @@ class StreamRequests:
         call(topics.SET_INTERVAL, arguments, lambda answer: self._on_answer(stream, answer), CALL_S)
         return True
 
-    def _on_answer(self, stream: Stream, answer: Message) -> None:
+    def _on_answer(self, stream: TopicStream, answer: Message) -> None:
         if answer.get("success"):
             self._granted.add(stream.topic)
 
@@ -130,16 +130,16 @@ class StreamRequests:
         self._begin_round(now_s)
         self._wanted = wanted
 
-    def _stopped(self, streams: list[Stream]) -> list[Stream]:
+    def _stopped(self, streams: list[TopicStream]) -> list[TopicStream]:
         return [each for each in streams if each.topic in NEEDED and not self._came_count(each)]
 
     def _begin_round(self, now_s: float) -> None:
         self._wanted, self._before, self._looked_s = [], dict(self._counts), now_s
 
-    def _came_count(self, stream: Stream) -> int:
+    def _came_count(self, stream: TopicStream) -> int:
         return self._counts[stream.topic] - self._before.get(stream.topic, 0)
 
-    def _flows(self, stream: Stream, passed_s: float) -> bool:
+    def _flows(self, stream: TopicStream, passed_s: float) -> bool:
         """Returns whether enough came; topics are throttled, so no more than 5 a second are expected of the others."""
         if not stream.is_counted:
             return stream.topic in self._granted or self._asks[stream.topic] >= ASKS_COUNT

@@ -14,7 +14,7 @@ from ual_daemon.backends.engine.agreement import FlightSeen
 from ual_daemon.backends.engine.clock_offset import ClockOffset
 from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.engine.plausibility import Plausibility
-from ual_daemon.backends.engine.readings import Lasts, Reading, Readings
+from ual_daemon.backends.engine.readings import Reading, Readings, Valid
 from ual_daemon.backends.firmwares.autopilot import Autopilot
 from ual_daemon.backends.firmwares.baseline import Baseline
 from ual_daemon.backends.firmwares.batteries import Batteries
@@ -66,7 +66,7 @@ _NO_AHRS = Estimator(False, "its attitude and position estimate is not healthy (
 _GOOD = Estimator(True)
 
 
-class Telemetry:
+class MavrosTelemetry:
     """The newest data of one autopilot. `utc_s` returns UTC, to which the stamps of the ROS computer are converted.
 
     What a silence may hide is discarded with the first message after it; the vehicle's properties stay known.
@@ -97,17 +97,19 @@ class Telemetry:
         self._geoid = Geoid()
         self._stamp_s = self._measured_s = 0.0
         readings = self.readings = Readings()
-        self.armed: Reading[bool] = readings.add(Lasts.SEEN)
-        self.mode: Reading[Mode] = readings.add(Lasts.SEEN)
-        self.landed: Reading[LandedState] = readings.add(Lasts.SEEN, unknown=Sample(LandedState.UNKNOWN, NEVER_S))
-        self._estimator: Reading[Estimator] = readings.add(Lasts.SEEN)
-        self.pose: Reading[Pose] = readings.add(Lasts.SEEN)
-        self.velocity: Reading[Twist] = readings.add(Lasts.SEEN)
-        self._geo: Reading[Message] = readings.add(Lasts.SEEN, limit_s=GEO_LIMIT_S)
-        self._above_home_m: Reading[float] = readings.add(Lasts.BOOT)
-        self._home: Reading[Message] = readings.add(Lasts.BOOT)
-        self._origin: Reading[Message] = readings.add(Lasts.BOOT)
-        self._placed: Reading[object] = readings.add(Lasts.BOOT)
+        self.armed: Reading[bool] = readings.add(Valid.WHILE_HEARD)
+        self.mode: Reading[Mode] = readings.add(Valid.WHILE_HEARD)
+        self.landed: Reading[LandedState] = readings.add(
+            Valid.WHILE_HEARD, unknown=Sample(LandedState.UNKNOWN, NEVER_S)
+        )
+        self._estimator: Reading[Estimator] = readings.add(Valid.WHILE_HEARD)
+        self.pose: Reading[Pose] = readings.add(Valid.WHILE_HEARD)
+        self.velocity: Reading[Twist] = readings.add(Valid.WHILE_HEARD)
+        self._geo: Reading[Message] = readings.add(Valid.WHILE_HEARD, limit_s=GEO_LIMIT_S)
+        self._above_home_m: Reading[float] = readings.add(Valid.UNTIL_REBOOT)
+        self._home: Reading[Message] = readings.add(Valid.UNTIL_REBOOT)
+        self._origin: Reading[Message] = readings.add(Valid.UNTIL_REBOOT)
+        self._placed: Reading[object] = readings.add(Valid.UNTIL_REBOOT)
         self._attitude_s: float | None = None
         self._gps_raw: Message | None = None
         self._fix: Message | None = None

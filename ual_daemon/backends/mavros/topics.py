@@ -58,7 +58,7 @@ GET_ON_SERVER = "/rosapi/get_param"
 """Reads from the parameter server of ROS 1."""
 
 
-class Topic(NamedTuple):
+class MavrosTopic(NamedTuple):
     """A topic that is subscribed to. `queue_length` is how many messages may wait in the bridge."""
 
     kind: str
@@ -69,36 +69,36 @@ class Topic(NamedTuple):
 
 
 TOPICS = {
-    STATE: Topic("mavros_msgs/State", is_required=True),
-    POSE: Topic("geometry_msgs/PoseStamped", is_required=True),
-    VELOCITY: Topic("geometry_msgs/TwistStamped", is_required=True),
-    EXTENDED_STATE: Topic("mavros_msgs/ExtendedState", is_required=True),
-    SYS_STATUS: Topic("mavros_msgs/SysStatus", 100),
-    ESTIMATOR_STATUS: Topic("mavros_msgs/EstimatorStatus", 100),
-    STATUS_TEXT: Topic("mavros_msgs/StatusText", queue_length=20),
-    STATUS_EVENT: Topic("mavros_msgs/StatusEvent", queue_length=20),
-    IMU: Topic("sensor_msgs/Imu", 200),
-    GLOBAL: Topic("sensor_msgs/NavSatFix", 150),
-    ABOVE_HOME: Topic("std_msgs/Float64", 150),
-    ORIGIN: Topic("geographic_msgs/GeoPointStamped"),
-    FIX: Topic("sensor_msgs/NavSatFix", 300),
-    SATELLITES: Topic("std_msgs/UInt32", 300),
-    GPS_RAW: Topic("mavros_msgs/GPSRAW", 300),
-    GPS_RTK: Topic("mavros_msgs/GPSRTK", 500),
-    GPS2_RTK: Topic("mavros_msgs/GPSRTK", 500),
-    VFR_HUD: Topic("mavros_msgs/VfrHud", 500),
-    HOME: Topic("mavros_msgs/HomePosition"),
-    BATTERY: Topic("sensor_msgs/BatteryState"),  # of all batteries, one after the other
-    RC_IN: Topic("mavros_msgs/RCIn", 150),
-    RC_OUT: Topic("mavros_msgs/RCOut", 300),
-    TIMESYNC: Topic("mavros_msgs/TimesyncStatus", 50),
-    TARGET: Topic("mavros_msgs/PositionTarget", 80),
-    CAPTURED: Topic("mavros_msgs/CameraImageCaptured", queue_length=20),
-    MOUNT: Topic("geometry_msgs/Quaternion", 100),
-    GIMBAL: Topic("mavros_msgs/GimbalDeviceAttitudeStatus", 100),
+    STATE: MavrosTopic("mavros_msgs/State", is_required=True),
+    POSE: MavrosTopic("geometry_msgs/PoseStamped", is_required=True),
+    VELOCITY: MavrosTopic("geometry_msgs/TwistStamped", is_required=True),
+    EXTENDED_STATE: MavrosTopic("mavros_msgs/ExtendedState", is_required=True),
+    SYS_STATUS: MavrosTopic("mavros_msgs/SysStatus", 100),
+    ESTIMATOR_STATUS: MavrosTopic("mavros_msgs/EstimatorStatus", 100),
+    STATUS_TEXT: MavrosTopic("mavros_msgs/StatusText", queue_length=20),
+    STATUS_EVENT: MavrosTopic("mavros_msgs/StatusEvent", queue_length=20),
+    IMU: MavrosTopic("sensor_msgs/Imu", 200),
+    GLOBAL: MavrosTopic("sensor_msgs/NavSatFix", 150),
+    ABOVE_HOME: MavrosTopic("std_msgs/Float64", 150),
+    ORIGIN: MavrosTopic("geographic_msgs/GeoPointStamped"),
+    FIX: MavrosTopic("sensor_msgs/NavSatFix", 300),
+    SATELLITES: MavrosTopic("std_msgs/UInt32", 300),
+    GPS_RAW: MavrosTopic("mavros_msgs/GPSRAW", 300),
+    GPS_RTK: MavrosTopic("mavros_msgs/GPSRTK", 500),
+    GPS2_RTK: MavrosTopic("mavros_msgs/GPSRTK", 500),
+    VFR_HUD: MavrosTopic("mavros_msgs/VfrHud", 500),
+    HOME: MavrosTopic("mavros_msgs/HomePosition"),
+    BATTERY: MavrosTopic("sensor_msgs/BatteryState"),  # of all batteries, one after the other
+    RC_IN: MavrosTopic("mavros_msgs/RCIn", 150),
+    RC_OUT: MavrosTopic("mavros_msgs/RCOut", 300),
+    TIMESYNC: MavrosTopic("mavros_msgs/TimesyncStatus", 50),
+    TARGET: MavrosTopic("mavros_msgs/PositionTarget", 80),
+    CAPTURED: MavrosTopic("mavros_msgs/CameraImageCaptured", queue_length=20),
+    MOUNT: MavrosTopic("geometry_msgs/Quaternion", 100),
+    GIMBAL: MavrosTopic("mavros_msgs/GimbalDeviceAttitudeStatus", 100),
     # Each new subscriber gets the last one of these, so they are no sign of life.
-    MISSION: Topic("mavros_msgs/WaypointList", 100),
-    REACHED: Topic("mavros_msgs/WaypointReached", 100),
-    FENCE: Topic("mavros_msgs/WaypointList", 100),
-    RALLY: Topic("mavros_msgs/WaypointList", 100),
+    MISSION: MavrosTopic("mavros_msgs/WaypointList", 100),
+    REACHED: MavrosTopic("mavros_msgs/WaypointReached", 100),
+    FENCE: MavrosTopic("mavros_msgs/WaypointList", 100),
+    RALLY: MavrosTopic("mavros_msgs/WaypointList", 100),
 }

@@ -37,7 +37,7 @@ class AutopilotCorrections(ABC):
     """Passes corrections on to the receiver of one autopilot. From any thread; no method waits."""
 
     def __init__(self) -> None:
-        self.turn = Turn()
+        self.turn = SenderTurn()
 
     @abstractmethod
     def inject(self, message: bytes) -> None:
@@ -129,7 +129,7 @@ def _is_told(before: int, after: int) -> bool:
     return after.bit_length() > before.bit_length()
 
 
-class Turn:
+class SenderTurn:
     """Turn to send: one sender at a time, as two base stations must not be mixed. From any thread."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:

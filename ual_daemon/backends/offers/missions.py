@@ -83,7 +83,7 @@ class AutopilotMissions(ABC):
     @property
     @abstractmethod
     def return_mode(self) -> str:
-        """The name of the mode to which a `ReturnToLaunch` leads; that of the mission where it stays in it."""
+        """The name of the mode to which a `ReturnManoeuvre` leads; that of the mission where it stays in it."""
 
     @property
     @abstractmethod

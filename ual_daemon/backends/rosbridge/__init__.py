@@ -16,9 +16,18 @@ The modules, from the top down (a contract in pyproject.toml checks it):
 - ``url``
 """
 
-from ual_daemon.backends.rosbridge.graph import Graph, Ros
-from ual_daemon.backends.rosbridge.link import LinkState, RosbridgeLink
+from ual_daemon.backends.rosbridge.graph import Graph, RosGeneration
+from ual_daemon.backends.rosbridge.link import RosbridgeLink, RosbridgeState
 from ual_daemon.backends.rosbridge.operations import Message
 from ual_daemon.backends.rosbridge.url import DEFAULT_URL, BridgeUrl, parse_url
 
-__all__ = ["DEFAULT_URL", "BridgeUrl", "Graph", "LinkState", "Message", "Ros", "RosbridgeLink", "parse_url"]
+__all__ = [
+    "DEFAULT_URL",
+    "BridgeUrl",
+    "Graph",
+    "Message",
+    "RosGeneration",
+    "RosbridgeLink",
+    "RosbridgeState",
+    "parse_url",
+]

@@ -40,7 +40,7 @@ class _Call(NamedTuple):
     ends_s: float
 
 
-class Calls:
+class PendingCalls:
     """The calls that are not answered yet. Any thread may call; futures end on the link's thread."""
 
     def __init__(self) -> None:

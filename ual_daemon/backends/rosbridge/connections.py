@@ -13,7 +13,7 @@ from collections.abc import Callable, Sequence
 
 from ual_daemon.backends.rosbridge.outbox import Outbox
 from ual_daemon.backends.rosbridge.url import BridgeUrl
-from ual_daemon.backends.rosbridge.websocket import Dial, Transport
+from ual_daemon.backends.rosbridge.websocket import BridgeTransport, Dial
 
 PING_S = 0.1
 DOUBTFUL_S = 0.3
@@ -88,7 +88,7 @@ class Connections:
 class _Pulse:
     """The signs of life of one connection."""
 
-    def __init__(self, transport: Transport, now_s: float) -> None:
+    def __init__(self, transport: BridgeTransport, now_s: float) -> None:
         self.heard_s = now_s
         self.asked_s = math.inf
         """Time of the oldest ping without an answer; infinite if all are answered."""

@@ -13,7 +13,7 @@ _ROS1_NAMES = {"VfrHud": "VFR_HUD"}
 """ROS 2 allows no underscore in the name of a type, so mavros_msgs renamed this one."""
 
 
-class Ros(IntEnum):
+class RosGeneration(IntEnum):
     """The generation of ROS."""
 
     ROS1 = 1
@@ -22,13 +22,13 @@ class Ros(IntEnum):
     def spell(self, kind: str) -> str:
         """Returns the name of a message type (``pkg/Name`` or ``pkg/msg/Name``) as this ROS writes it."""
         package, name = kind.split("/", maxsplit=1)[0], kind.rsplit("/", 1)[-1]
-        return f"{package}/{_ROS1_NAMES.get(name, name)}" if self is Ros.ROS1 else f"{package}/msg/{name}"
+        return f"{package}/{_ROS1_NAMES.get(name, name)}" if self is RosGeneration.ROS1 else f"{package}/msg/{name}"
 
 
 class Graph(NamedTuple):
     """The topics that somebody publishes or subscribes to, with their types."""
 
-    ros: Ros
+    ros: RosGeneration
     topics: Mapping[str, str]
 
     def fault(self, topic: str, kind: str) -> str:
@@ -51,4 +51,7 @@ def read_graph(values: Message) -> Graph:
     if not isinstance(topics, list) or not isinstance(types, list):
         raise ValueError(f"{TOPICS_SERVICE} answers without topics and types")  # noqa: TRY004  not our type
     is_ros2 = any(str(each).count("/") == 2 for each in types)
-    return Graph(Ros.ROS2 if is_ros2 else Ros.ROS1, dict(zip(map(str, topics), map(str, types), strict=False)))
+    return Graph(
+        RosGeneration.ROS2 if is_ros2 else RosGeneration.ROS1,
+        dict(zip(map(str, topics), map(str, types), strict=False)),
+    )

@@ -14,9 +14,9 @@ from enum import Enum
 from ual_daemon import logs
 from ual_daemon.backends.base import Clock
 from ual_daemon.backends.rosbridge import operations
-from ual_daemon.backends.rosbridge.calls import Calls, ServiceError, ServiceTimeoutError
+from ual_daemon.backends.rosbridge.calls import PendingCalls, ServiceError, ServiceTimeoutError
 from ual_daemon.backends.rosbridge.connections import Connections
-from ual_daemon.backends.rosbridge.graph import TOPICS_SERVICE, Graph, Ros, read_graph
+from ual_daemon.backends.rosbridge.graph import TOPICS_SERVICE, Graph, RosGeneration, read_graph
 from ual_daemon.backends.rosbridge.operations import Fragments, Message, OperationError
 from ual_daemon.backends.rosbridge.slow_calls import SlowCalls
 from ual_daemon.backends.rosbridge.url import BridgeUrl
@@ -48,7 +48,7 @@ OnMessage = Callable[[Message, float], None]
 """Gets a message and the time (the backend's clock) at which it came, on the link's thread."""
 
 
-class LinkState(Enum):
+class RosbridgeState(Enum):
     """CONNECTING: no connection. ASKING: connected, and the topics are not known yet. UP. SILENT: no sign of life."""
 
     CONNECTING = "connecting"
@@ -58,7 +58,7 @@ class LinkState(Enum):
 
 
 @dataclass(slots=True)
-class _Subscription:
+class _TopicSubscription:
     """Subscription of a topic, and its last message. After `silence_s` without a message, it is subscribed anew."""
 
     topic: str
@@ -115,12 +115,12 @@ class RosbridgeLink:
         self._is_old = False
         """Whether the present batch waited in a pause of this computer."""
         self._dial = dialler
-        self._subscriptions: dict[str, _Subscription] = {}
+        self._subscriptions: dict[str, _TopicSubscription] = {}
         self._unsubscribed: list[str] = []
         self._advertised: dict[str, str] = {}
         self._announced: set[str] = set()
         """Topics that were advertised on this connection."""
-        self._calls = Calls()
+        self._calls = PendingCalls()
         self._slow_calls = SlowCalls(lambda: self._dial(self.url, self._wait_serving), clock.now_s)
         self._fragments = Fragments()
         self._closing = threading.Event()
@@ -129,7 +129,7 @@ class RosbridgeLink:
         self._question: Future[Message] | None = None
         self._ask_s = self._refreshed_s = -math.inf
         self._said: set[str] = set()
-        self.state = LinkState.CONNECTING
+        self.state = RosbridgeState.CONNECTING
         self.graph: Graph | None = None
         """Graph by rosapi; None before the first answer of a connection."""
         self.why_not = ""
@@ -141,7 +141,7 @@ class RosbridgeLink:
     @property
     def is_up(self) -> bool:
         """Whether the bridge answers and its topics are known."""
-        return self.state is LinkState.UP
+        return self.state is RosbridgeState.UP
 
     @property
     def holds_up_calls(self) -> bool:
@@ -151,7 +151,7 @@ class RosbridgeLink:
         connections = self._connections
         if connections is None or not self.is_up or not connections.answers(self._clock.now_s()):
             return True
-        return self.graph is not None and self.graph.ros is Ros.ROS2 and self._calls.hold_up
+        return self.graph is not None and self.graph.ros is RosGeneration.ROS2 and self._calls.hold_up
 
     def open(self) -> None:
         """Starts the thread; it connects, and keeps trying."""
@@ -194,7 +194,9 @@ class RosbridgeLink:
         """
         service, now_s = self.url.resolve(service), self._clock.now_s()
         connections = self._connections
-        if connections is None or not (self.is_up or (service == TOPICS_SERVICE and self.state is LinkState.ASKING)):
+        if connections is None or not (
+            self.is_up or (service == TOPICS_SERVICE and self.state is RosbridgeState.ASKING)
+        ):
             return _refused(service, self.why_not or f"not connected to {self.url}")
         ident, answer = self._calls.begin(service, now_s, timeout_s)
         data = operations.call_service(service, arguments or {}, ident, timeout_s)
@@ -239,7 +241,9 @@ class RosbridgeLink:
         quality of service is not heard otherwise.
         """
         name = self.url.resolve(topic)
-        wanted = _Subscription(name, kind, on_message, throttle_ms, queue_length, silence_s, operations.fits_cbor(kind))
+        wanted = _TopicSubscription(
+            name, kind, on_message, throttle_ms, queue_length, silence_s, operations.fits_cbor(kind)
+        )
         self._subscriptions[name] = wanted
         self._refreshed_s = -math.inf
 
@@ -314,7 +318,7 @@ class RosbridgeLink:
         self.connections_count += 1
         self._connections = connections
         self._ask_s, self._question = -math.inf, None
-        self.state, self.why_not = LinkState.ASKING, f"{self.url} has not said which topics there are"
+        self.state, self.why_not = RosbridgeState.ASKING, f"{self.url} has not said which topics there are"
         logs.event(_log, logging.INFO, "bridge_connected", url=str(self.url))
 
     def _serve(self, connections: Connections) -> None:
@@ -328,7 +332,7 @@ class RosbridgeLink:
         self._on_step()  # before anything leaves that has waited: what has come may say that it must not
         for ident in self._calls.expire(now_s):
             connections.called.withdraw(ident)
-        if self.state is not LinkState.SILENT and connections.answers(now_s):
+        if self.state is not RosbridgeState.SILENT and connections.answers(now_s):
             connections.flush()
             self._slow_calls.serve()
         self._ask(now_s)
@@ -343,13 +347,13 @@ class RosbridgeLink:
         """
         if silent_s > _GIVE_UP_S:
             raise TimeoutError(f"{self.url} has not answered for {_GIVE_UP_S:g} s")
-        if silent_s > LOST_S and self.state is LinkState.UP:
-            self.state, self.why_not = LinkState.SILENT, f"{self.url} does not answer"
+        if silent_s > LOST_S and self.state is RosbridgeState.UP:
+            self.state, self.why_not = RosbridgeState.SILENT, f"{self.url} does not answer"
             self._drop_waiting(connections)
             logs.event(_log, logging.WARNING, "bridge_silent", url=str(self.url))
-        elif silent_s <= LOST_S and self.state is LinkState.SILENT:
+        elif silent_s <= LOST_S and self.state is RosbridgeState.SILENT:
             self._drop_waiting(connections)  # another thread may have put something since
-            self.state, self.why_not = LinkState.UP, ""
+            self.state, self.why_not = RosbridgeState.UP, ""
             logs.event(_log, logging.INFO, "bridge_answers", url=str(self.url))
 
     def _drop_waiting(self, connections: Connections) -> None:
@@ -383,14 +387,14 @@ class RosbridgeLink:
             graph = read_graph(question.result())
         except (ServiceError, ValueError) as error:
             self._ask_s = now_s + _ASK_AGAIN_S
-            if self.state is LinkState.ASKING:
+            if self.state is RosbridgeState.ASKING:
                 self.why_not = f"rosapi does not answer ({error}): it runs beside rosbridge, and needs a ROS master"
                 self._say("bridge_without_topics", self.why_not)
             return
         self.graph = graph
         self._refresh_subscriptions()
-        if self.state is LinkState.ASKING:
-            self.state, self.why_not = LinkState.UP, ""
+        if self.state is RosbridgeState.ASKING:
+            self.state, self.why_not = RosbridgeState.UP, ""
         self._ask_s = now_s + (_ASK_AGAIN_S if self.faults() else _LOOK_S)
 
     def _refresh_subscriptions(self) -> None:
@@ -463,7 +467,7 @@ class RosbridgeLink:
 
     def _forget(self) -> None:
         """Forgets what was said on a connection that has ended."""
-        self.state, self.graph, self._question = LinkState.CONNECTING, None, None
+        self.state, self.graph, self._question = RosbridgeState.CONNECTING, None, None
         self._fragments = Fragments()
         self._unsubscribed.clear()
         self._announced.clear()

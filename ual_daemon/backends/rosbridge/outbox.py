@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 
-from ual_daemon.backends.rosbridge.websocket import Transport
+from ual_daemon.backends.rosbridge.websocket import BridgeTransport
 
 
 class Outbox:
@@ -13,7 +13,7 @@ class Outbox:
     A newer message of a key takes the place of one that waits. The lock orders messages; sending never blocks.
     """
 
-    def __init__(self, transport: Transport) -> None:
+    def __init__(self, transport: BridgeTransport) -> None:
         self._transport = transport
         self._waiting: dict[str, bytes] = {}
         self._lock = threading.Lock()

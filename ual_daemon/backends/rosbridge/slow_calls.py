@@ -12,15 +12,15 @@ from collections.abc import Callable
 from concurrent.futures import Future
 
 from ual_daemon.backends.rosbridge import operations
-from ual_daemon.backends.rosbridge.calls import Calls, ServiceTimeoutError
+from ual_daemon.backends.rosbridge.calls import PendingCalls, ServiceTimeoutError
 from ual_daemon.backends.rosbridge.operations import Fragments, Message, OperationError
-from ual_daemon.backends.rosbridge.websocket import Transport
+from ual_daemon.backends.rosbridge.websocket import BridgeTransport
 
 
-class _Connection:
+class _CallConnection:
     """A connection, and the calls that have left on it and are not answered yet."""
 
-    def __init__(self, transport: Transport) -> None:
+    def __init__(self, transport: BridgeTransport) -> None:
         self.transport = transport
         self.fragments = Fragments()
         self.idents: set[str] = set()
@@ -33,13 +33,13 @@ class SlowCalls:
     connection. What is under way on the old one goes on: a mission that is uploaded, for example.
     """
 
-    def __init__(self, connect: Callable[[], Transport], now_s: Callable[[], float]) -> None:
+    def __init__(self, connect: Callable[[], BridgeTransport], now_s: Callable[[], float]) -> None:
         self._connect = connect
         self._now_s = now_s
-        self._calls = Calls()
-        self._newest: _Connection | None = None
+        self._calls = PendingCalls()
+        self._newest: _CallConnection | None = None
         """Connection on which calls leave."""
-        self._connections: list[_Connection] = []
+        self._connections: list[_CallConnection] = []
         """It, and those that have calls under way."""
         self._unsent: deque[tuple[str, bytes]] = deque()
         self._lock = threading.Lock()
@@ -72,7 +72,7 @@ class SlowCalls:
     def _send(self) -> None:
         while self._unsent:
             if self._newest is None:
-                self._newest = _Connection(self._connect())
+                self._newest = _CallConnection(self._connect())
                 self._connections.append(self._newest)
             with self._lock:
                 waiting = self._unsent.popleft() if self._unsent else None
@@ -85,7 +85,7 @@ class SlowCalls:
             else:
                 self._calls.refuse(ident, "it was withdrawn")
 
-    def _receive(self, connection: _Connection) -> None:
+    def _receive(self, connection: _CallConnection) -> None:
         """Takes what has come."""
         try:
             for data in connection.transport.receive(0.0):
@@ -97,7 +97,7 @@ class SlowCalls:
             if connection is not self._newest and not connection.idents:
                 self._close(connection)
 
-    def _lose(self, connection: _Connection | None, error: OSError) -> None:
+    def _lose(self, connection: _CallConnection | None, error: OSError) -> None:
         """Ends the calls of a connection: they may have been executed. None: ends those that wait for one."""
         if connection is None:
             with self._lock:
@@ -109,7 +109,7 @@ class SlowCalls:
         for ident in connection.idents:
             self._calls.refuse(ident, str(error), ServiceTimeoutError)
 
-    def _take(self, connection: _Connection, operation: dict[str, object]) -> None:
+    def _take(self, connection: _CallConnection, operation: dict[str, object]) -> None:
         if operation["op"] == "service_response":
             connection.idents.discard(str(operation.get("id")))
             self._calls.answer(operation)
@@ -128,7 +128,7 @@ class SlowCalls:
         for each in list(self._connections):
             self._drop(each, late)
 
-    def _drop(self, connection: _Connection, late: set[str]) -> None:
+    def _drop(self, connection: _CallConnection, late: set[str]) -> None:
         if connection.idents.isdisjoint(late):
             return
         connection.idents -= late
@@ -137,7 +137,7 @@ class SlowCalls:
         elif connection is self._newest:
             self._newest = None
 
-    def _close(self, connection: _Connection) -> None:
+    def _close(self, connection: _CallConnection) -> None:
         if connection is self._newest:
             self._newest = None
         self._connections.remove(connection)

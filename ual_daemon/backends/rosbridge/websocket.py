@@ -33,7 +33,7 @@ _SEND_BUFFER_BYTES = 16384
 _LARGEST_BYTES = 16_000_000
 
 
-class Transport(ABC):
+class BridgeTransport(ABC):
     """A connection to a bridge. Any thread may send; one thread receives."""
 
     @abstractmethod
@@ -70,14 +70,14 @@ class Transport(ABC):
         self.close()
 
 
-Dial = Callable[[BridgeUrl, Callable[[], None]], Transport]
+Dial = Callable[[BridgeUrl, Callable[[], None]], BridgeTransport]
 """Connects, and calls the given function at least every 0.1 s meanwhile, which may raise to give up.
 
 Raises OSError if there is no connection.
 """
 
 
-def dial(url: BridgeUrl, on_wait: Callable[[], None]) -> Transport:
+def dial(url: BridgeUrl, on_wait: Callable[[], None]) -> BridgeTransport:
     """Connects by TCP, TLS where the URL has it, and WebSocket. See `Dial`."""
     family, address = Host(url.host, url.port, socket.SOCK_STREAM, OSError).address()
     sock = socket.socket(family, socket.SOCK_STREAM)
@@ -91,8 +91,10 @@ def dial(url: BridgeUrl, on_wait: Callable[[], None]) -> Transport:
         raise
 
 
-def _opened(sock: socket.socket, address: tuple[object, ...], url: BridgeUrl, on_wait: Callable[[], None]) -> Transport:
-    wait = _Waiting(url, on_wait)
+def _opened(
+    sock: socket.socket, address: tuple[object, ...], url: BridgeUrl, on_wait: Callable[[], None]
+) -> BridgeTransport:
+    wait = _SocketWait(url, on_wait)
     sock.setblocking(False)
     tcp.prepare(sock)
     sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER_BYTES)
@@ -112,7 +114,7 @@ def _opened(sock: socket.socket, address: tuple[object, ...], url: BridgeUrl, on
     return websocket
 
 
-class _Waiting:
+class _SocketWait:
     """Waits for a socket in slices, with a limit for all of them."""
 
     def __init__(self, url: BridgeUrl, on_wait: Callable[[], None]) -> None:
@@ -132,7 +134,7 @@ class _Waiting:
                 raise TimeoutError(f"{self._url} does not answer")
 
 
-def _secured(sock: socket.socket, url: BridgeUrl, wait: _Waiting) -> socket.socket:
+def _secured(sock: socket.socket, url: BridgeUrl, wait: _SocketWait) -> socket.socket:
     """Returns the socket with TLS. The certificate must be that of the host (SSL_CERT_FILE adds authorities)."""
     secured = ssl.create_default_context().wrap_socket(sock, server_hostname=url.host, do_handshake_on_connect=False)
     while True:
@@ -152,8 +154,8 @@ def _poll(sock: socket.socket, events: int, timeout_s: float) -> bool:
     return bool(poller.poll(timeout_s * 1000.0))
 
 
-class WebSocket(Transport):
-    """See `Transport`."""
+class WebSocket(BridgeTransport):
+    """See `BridgeTransport`."""
 
     def __init__(self, sock: socket.socket, url: BridgeUrl) -> None:
         self._socket = sock

@@ -40,7 +40,7 @@ from ual_daemon.flight.manoeuvres.manoeuvre import (
 from ual_daemon.flight.manoeuvres.mission_watch import MissionWatch
 from ual_daemon.flight.manoeuvres.recover import TAKES_BACK, Recover
 from ual_daemon.flight.policy.authority import LONGEST_GAP_S
-from ual_daemon.flight.policy.jumps import Jump
+from ual_daemon.flight.policy.jumps import EstimateJump
 from ual_daemon.flight.policy.touch_down import TouchDown
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import Progress, VehicleTask
@@ -229,7 +229,7 @@ class AutopilotMission(Manoeuvre):
         return self._reference
 
     @override
-    def estimate_jumped(self, jump: Jump, stop: Reference) -> UalError | None:
+    def estimate_jumped(self, jump: EstimateJump, stop: Reference) -> UalError | None:
         if self._reference is not None:
             self._reference = stop
         return None  # the autopilot flies to places on Earth

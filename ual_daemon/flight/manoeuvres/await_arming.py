@@ -10,7 +10,7 @@ from ual.errors import TaskAbortedError, UalError, WrongStateError
 from ual.types import State
 from ual_daemon.backends.values import Control, Snapshot
 from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Manoeuvre, Step, failed, why_blind
-from ual_daemon.flight.policy.jumps import Jump
+from ual_daemon.flight.policy.jumps import EstimateJump
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.tracker.references import Reference
@@ -36,7 +36,7 @@ class AwaitArming(Manoeuvre):
         self._since_s = now_s
 
     @override
-    def estimate_jumped(self, jump: Jump, stop: Reference) -> UalError | None:
+    def estimate_jumped(self, jump: EstimateJump, stop: Reference) -> UalError | None:
         """Goes on waiting: it has no way yet."""
         return None
 

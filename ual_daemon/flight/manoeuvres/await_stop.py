@@ -17,7 +17,7 @@ from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Manoeuvre, Step, failed, taken, why_blind, with_advice
 from ual_daemon.flight.manoeuvres.recover import TAKES_BACK
 from ual_daemon.flight.policy.authority import LONGEST_GAP_S
-from ual_daemon.flight.policy.jumps import Jump
+from ual_daemon.flight.policy.jumps import EstimateJump
 from ual_daemon.flight.state import Estimate
 from ual_daemon.tracker.references import Reference
 
@@ -163,5 +163,5 @@ class AwaitStop(Manoeuvre):
         return True if mode == self._began_in and not self.has_held else self.led_to(snapshot)
 
     @override
-    def estimate_jumped(self, jump: Jump, stop: Reference) -> UalError | None:
+    def estimate_jumped(self, jump: EstimateJump, stop: Reference) -> UalError | None:
         return None  # it has no way

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre
 
 
-class Flown(NamedTuple):
+class CourseProgress(NamedTuple):
     """Position in a trajectory: its time, the motion that is sent now, and whether it waits or holds at a stop."""
 
     trajectory: Trajectory
@@ -46,7 +46,7 @@ class Course(ABC):
         return False
 
     @abstractmethod
-    def is_outdated(self, flown: Flown, snapshot: Snapshot) -> bool:
+    def is_outdated(self, flown: CourseProgress, snapshot: Snapshot) -> bool:
         """Returns whether the trajectory would be planned otherwise now.
 
         Raises:
@@ -55,7 +55,7 @@ class Course(ABC):
         """
 
     @abstractmethod
-    def plan(self, flown: Flown, snapshot: Snapshot) -> Onward:
+    def plan(self, flown: CourseProgress, snapshot: Snapshot) -> Onward:
         """Plans the rest of the way from the motion that is sent now.
 
         Raises:

@@ -17,8 +17,8 @@ from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Control, Setpoint, Snapshot
 from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre, Step
 from ual_daemon.flight.policy.authority import Authority
-from ual_daemon.flight.policy.geofence import Geofence
-from ual_daemon.flight.policy.jumps import Jump
+from ual_daemon.flight.policy.geofence import GeofencePolicy
+from ual_daemon.flight.policy.jumps import EstimateJump
 from ual_daemon.flight.state import Estimate
 from ual_daemon.tracker.drift import DriftCorrection
 from ual_daemon.tracker.limits import CurrentLimits, scaled_down
@@ -41,7 +41,7 @@ class ReferenceRules:
 
     backend: Backend
     limits: CurrentLimits
-    geofence: Geofence
+    geofence: GeofencePolicy
     authority: Authority
     drift: DriftCorrection
     is_flown_by_us: Callable[[], bool]
@@ -130,7 +130,7 @@ class FlyReference(Manoeuvre):
             logs.event(_log, logging.INFO, "reference_goes_on")
 
     @override
-    def fit(self, snapshot: Snapshot, limits: CurrentLimits, geofence: Geofence) -> Step | None:
+    def fit(self, snapshot: Snapshot, limits: CurrentLimits, geofence: GeofencePolicy) -> Step | None:
         """A goal that moves looks at the world by itself each time it plans, and a stop is as good as it gets."""
         if isinstance(self.reference, Velocity):  # each update looks at the geofence
             self.reference.twist = scaled_down(self.reference.twist, limits.get())
@@ -138,7 +138,7 @@ class FlyReference(Manoeuvre):
             return self._fit_hold(self.reference, snapshot, limits, geofence)
         return None
 
-    def _fit_hold(self, hold: Hold, snapshot: Snapshot, limits: CurrentLimits, geofence: Geofence) -> Step | None:
+    def _fit_hold(self, hold: Hold, snapshot: Snapshot, limits: CurrentLimits, geofence: GeofencePolicy) -> Step | None:
         try:
             geofence.admit("set_pose", hold, limits.get(), snapshot)
         except GeofenceError as error:
@@ -157,7 +157,7 @@ class FlyReference(Manoeuvre):
         return self.reference.way(now_s)
 
     @override
-    def estimate_jumped(self, jump: Jump, stop: Reference) -> UalError | None:
+    def estimate_jumped(self, jump: EstimateJump, stop: Reference) -> UalError | None:
         return None if isinstance(self.reference, Velocity) else super().estimate_jumped(jump, stop)
 
     @override

@@ -17,7 +17,7 @@ from ual.geometry import Vector3
 from ual_daemon import logs
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.manoeuvres.arrival import Arrival
-from ual_daemon.flight.manoeuvres.course import Course, Flown, Onward
+from ual_daemon.flight.manoeuvres.course import Course, CourseProgress, Onward
 from ual_daemon.flight.manoeuvres.manoeuvre import (
     TIMEOUT_FACTOR,
     TIMEOUT_MARGIN_S,
@@ -30,7 +30,7 @@ from ual_daemon.flight.manoeuvres.manoeuvre import (
 )
 from ual_daemon.flight.manoeuvres.progress_watch import Headway
 from ual_daemon.flight.manoeuvres.rest_of_way import RestOfWay
-from ual_daemon.flight.policy.geofence import Geofence
+from ual_daemon.flight.policy.geofence import GeofencePolicy
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.stopping import next_start
 from ual_daemon.flight.tasks import Progress, VehicleTask
@@ -49,7 +49,7 @@ MakeTracker: TypeAlias = Callable[[Trajectory, float, ToleranceSettings], Trajec
 """Makes the tracker that flies a trajectory from a time on, within a tolerance."""
 
 
-class _Way(NamedTuple):
+class _FollowedTrajectory(NamedTuple):
     """A trajectory as a part of the task: what was flown before it, and the number of its first waypoint there."""
 
     trajectory: Trajectory
@@ -98,10 +98,10 @@ class FollowTrajectory(Manoeuvre):
         self._planning: _Planning | None = None
         self._said_before: str | None = None
 
-    def _way_of(self, trajectory: Trajectory, flown_m: float = 0.0, first_waypoint: int = 0) -> _Way:
+    def _way_of(self, trajectory: Trajectory, flown_m: float = 0.0, first_waypoint: int = 0) -> _FollowedTrajectory:
         end = trajectory.end()
         arrival = Arrival(end.position, end.yaw_rad, self._tolerance)
-        return _Way(trajectory, Hold(end.position, end.yaw_rad), arrival, flown_m, first_waypoint)
+        return _FollowedTrajectory(trajectory, Hold(end.position, end.yaw_rad), arrival, flown_m, first_waypoint)
 
     @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
@@ -183,7 +183,7 @@ class FollowTrajectory(Manoeuvre):
     # --- A world that has changed -------------------------------------------------------------------------------------
 
     @override
-    def fit(self, snapshot: Snapshot, limits: CurrentLimits, geofence: Geofence) -> Step | None:
+    def fit(self, snapshot: Snapshot, limits: CurrentLimits, geofence: GeofencePolicy) -> Step | None:
         course, reference = self._course, self._reference
         if course is None or reference is None:
             return None
@@ -196,7 +196,9 @@ class FollowTrajectory(Manoeuvre):
             return _ended_by_world(error)
         return None
 
-    def _fit(self, course: Course, flown: Flown, snapshot: Snapshot, limits: CurrentLimits, geofence: Geofence) -> None:
+    def _fit(
+        self, course: Course, flown: CourseProgress, snapshot: Snapshot, limits: CurrentLimits, geofence: GeofencePolicy
+    ) -> None:
         if self._planning is not None:
             self.is_fitted = False  # looked at again once that is done
         elif course.is_outdated(flown, snapshot):
@@ -208,7 +210,7 @@ class FollowTrajectory(Manoeuvre):
             self._check_fence(course, flown, snapshot, limits, geofence)
 
     def _check_fence(
-        self, course: Course, flown: Flown, snapshot: Snapshot, limits: CurrentLimits, geofence: Geofence
+        self, course: Course, flown: CourseProgress, snapshot: Snapshot, limits: CurrentLimits, geofence: GeofencePolicy
     ) -> None:
         """Begins to check the rest of the way, if the geofence is another one than that in which it was planned."""
         try:
@@ -237,10 +239,12 @@ class FollowTrajectory(Manoeuvre):
             self._planning, self._rest = None, None
             self._take(planning.found(), flown, snapshot)
 
-    def _flown(self, reference: TrajectoryReference | Pursuit, snapshot: Snapshot) -> Flown:
-        return Flown(self._way.trajectory, reference.passed_s, next_start(reference, snapshot), reference.is_waiting)
+    def _flown(self, reference: TrajectoryReference | Pursuit, snapshot: Snapshot) -> CourseProgress:
+        return CourseProgress(
+            self._way.trajectory, reference.passed_s, next_start(reference, snapshot), reference.is_waiting
+        )
 
-    def _take(self, onward: Onward, flown: Flown, snapshot: Snapshot) -> None:
+    def _take(self, onward: Onward, flown: CourseProgress, snapshot: Snapshot) -> None:
         """Follows another trajectory from now on."""
         before, trajectory = self._way, onward.trajectory
         flown_m = before.flown_m + before.trajectory.length_m - before.trajectory.length_left_m(flown.time_s)
@@ -289,7 +293,7 @@ class _Planning:
         """Whether it has ended."""
         return self._result is not None and self._result.done()
 
-    def begin(self, flown: Flown, snapshot: Snapshot) -> None:
+    def begin(self, flown: CourseProgress, snapshot: Snapshot) -> None:
         """Begins it, once."""
         if self._result is None:
             self._result = Future()
@@ -300,7 +304,7 @@ class _Planning:
         assert self._result is not None
         return self._result.result()
 
-    def _run(self, result: Future[Onward], flown: Flown, snapshot: Snapshot) -> None:
+    def _run(self, result: Future[Onward], flown: CourseProgress, snapshot: Snapshot) -> None:
         try:
             result.set_result(self._course.plan(flown, snapshot))
         except Exception as error:  # noqa: BLE001  raised in the thread that flies, which logs it

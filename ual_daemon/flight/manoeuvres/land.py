@@ -23,7 +23,7 @@ from ual_daemon.flight.manoeuvres.manoeuvre import (
     with_advice,
 )
 from ual_daemon.flight.manoeuvres.progress_watch import ProgressWatch
-from ual_daemon.flight.policy.jumps import Jump
+from ual_daemon.flight.policy.jumps import EstimateJump
 from ual_daemon.flight.policy.touch_down import TouchDown
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import VehicleTask
@@ -96,7 +96,7 @@ class Landing(Manoeuvre):
         return UalTimeoutError(f"land: the UAV has stopped descending, but reports no ground; {self._stuck}")
 
     @override
-    def estimate_jumped(self, jump: Jump, stop: Reference) -> UalError | None:
+    def estimate_jumped(self, jump: EstimateJump, stop: Reference) -> UalError | None:
         self._start_z += jump.offset.z
         self._descent.moved(jump.offset.z)
         if self._reference is not None:
@@ -112,7 +112,7 @@ def _goes_on(lost: UalError) -> UalError:
     return type(lost)(f"{lost.message}; {_GOES_ON}", lost.metadata)
 
 
-class Land(Landing):
+class LandManoeuvre(Landing):
     """A landing by the autopilot's own landing."""
 
     def __init__(

@@ -18,8 +18,8 @@ from ual_daemon.backends.values import Control, Sample, Snapshot, VelocitySetpoi
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.manoeuvres.land import SLOWEST_LANDING_M_S, Landing, OnHeight, ignore_height
 from ual_daemon.flight.manoeuvres.manoeuvre import Step, failed, taken, why_blind, with_advice
-from ual_daemon.flight.policy.geofence import Geofence
-from ual_daemon.flight.policy.jumps import Jump
+from ual_daemon.flight.policy.geofence import GeofencePolicy
+from ual_daemon.flight.policy.jumps import EstimateJump
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.tracker.limits import CurrentLimits
@@ -75,7 +75,7 @@ class LandOnSetpoints(Landing):
         self._stopped_s = self._ours_s = -math.inf
 
     @override
-    def fit(self, snapshot: Snapshot, limits: CurrentLimits, geofence: Geofence) -> Step | None:
+    def fit(self, snapshot: Snapshot, limits: CurrentLimits, geofence: GeofencePolicy) -> Step | None:
         self._descent_m_s = limits.get().descent_speed_m_s
         self._ground_z_m = geofence.ground_z_m(snapshot)
         return None
@@ -192,7 +192,7 @@ class LandOnSetpoints(Landing):
         return late if refusal is None else with_advice(refusal, _MOTORS_RUN)
 
     @override
-    def estimate_jumped(self, jump: Jump, stop: Reference) -> UalError | None:
+    def estimate_jumped(self, jump: EstimateJump, stop: Reference) -> UalError | None:
         if self._place is not None:
             self._place += jump.offset
         return super().estimate_jumped(jump, stop)

@@ -21,8 +21,8 @@ from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.futures import end_future, running_future
 from ual_daemon.flight.policy.autopilot_fence import breach_text
 from ual_daemon.flight.policy.following import ENDS_TERMINATION
-from ual_daemon.flight.policy.geofence import Geofence
-from ual_daemon.flight.policy.jumps import Jump
+from ual_daemon.flight.policy.geofence import GeofencePolicy
+from ual_daemon.flight.policy.jumps import EstimateJump
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.tracker.limits import CurrentLimits
@@ -175,7 +175,7 @@ class Manoeuvre(ABC):
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
         """Makes one update. `estimate` is the state that the data show, without this manoeuvre."""
 
-    def fit(self, snapshot: Snapshot, limits: CurrentLimits, geofence: Geofence) -> Step | None:
+    def fit(self, snapshot: Snapshot, limits: CurrentLimits, geofence: GeofencePolicy) -> Step | None:
         """Looks at what bounds its motion, after it has begun and whenever that has changed: limits, geofence, home.
 
         Fits its motion, and returns None if it goes on; or returns how it ends, or what goes on with its task. It is
@@ -214,7 +214,7 @@ class Manoeuvre(ABC):
         del now_s
         return ()
 
-    def estimate_jumped(self, jump: Jump, stop: Reference) -> UalError | None:
+    def estimate_jumped(self, jump: EstimateJump, stop: Reference) -> UalError | None:
         """Takes note that the autopilot's estimate has jumped. Returns why it cannot go on; None if it can.
 
         By default it cannot: its way lies elsewhere now. `stop` is the reference that brings the UAV to rest where it

@@ -28,7 +28,7 @@ of four items takes 0.15 s on a busy computer.
 """
 
 
-class _Told(NamedTuple):
+class _MissionReportKey(NamedTuple):
     """Report of the autopilot about its mission, which changes with it."""
 
     mission_id: int
@@ -44,10 +44,10 @@ class MissionWatch:
 
     def __init__(self, offer: AutopilotMissions, kept: KeptMission) -> None:
         self._offer, self._kept = offer, kept
-        self._sure: _Told | None = None
+        self._sure: _MissionReportKey | None = None
         """Report that was valid when the mission was ours; None before the first comparison."""
-        self._newest: _Told | None = None
-        self._asked: _Told | None = None
+        self._newest: _MissionReportKey | None = None
+        self._asked: _MissionReportKey | None = None
         """Report that was valid when the read under way began, or the last one."""
         self._reading: Future[KeptMission] | None = None
         self._is_of_end = self._is_end_read = False
@@ -90,7 +90,7 @@ class MissionWatch:
         """Returns whether the list told now is the one that was ours; also while none was told."""
         return self._sure is None or self._sure == _told(report)
 
-    def _told(self) -> _Told | None:
+    def _told(self) -> _MissionReportKey | None:
         report = self._offer.report()
         return None if report is None else _told(report)
 
@@ -108,5 +108,5 @@ class MissionWatch:
         self._next_look_s = looked_s + max(LOOK_S, _PAUSE_FACTOR * (looked_s - self._began_s))
 
 
-def _told(report: MissionReport) -> _Told:
-    return _Told(report.mission_id, report.changes)
+def _told(report: MissionReport) -> _MissionReportKey:
+    return _MissionReportKey(report.mission_id, report.changes)

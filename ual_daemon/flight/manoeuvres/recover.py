@@ -21,8 +21,8 @@ from ual_daemon.flight.manoeuvres.manoeuvre import (
     why_blind,
     with_advice,
 )
-from ual_daemon.flight.policy.geofence import Geofence
-from ual_daemon.flight.policy.jumps import Jump
+from ual_daemon.flight.policy.geofence import GeofencePolicy
+from ual_daemon.flight.policy.jumps import EstimateJump
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.tracker.limits import CurrentLimits
@@ -171,12 +171,12 @@ class Recover(Manoeuvre):
         return Step(Hold(motion.position, motion.yaw_rad).setpoint(snapshot))
 
     @override
-    def fit(self, snapshot: Snapshot, limits: CurrentLimits, geofence: Geofence) -> Step | None:
+    def fit(self, snapshot: Snapshot, limits: CurrentLimits, geofence: GeofencePolicy) -> Step | None:
         self._limits = limits.get()
         return None
 
     @override
-    def estimate_jumped(self, jump: Jump, stop: Reference) -> UalError | None:
+    def estimate_jumped(self, jump: EstimateJump, stop: Reference) -> UalError | None:
         return None  # it holds the present pose, wherever that is
 
 

@@ -6,8 +6,8 @@ from itertools import islice
 
 from ual.types import Limits
 from ual_daemon.backends.values import Snapshot
-from ual_daemon.flight.manoeuvres.course import Flown
-from ual_daemon.flight.policy.geofence import Geofence
+from ual_daemon.flight.manoeuvres.course import CourseProgress
+from ual_daemon.flight.policy.geofence import GeofencePolicy
 from ual_daemon.frames.fence import Exit
 from ual_daemon.tracker.references import measured_motion
 
@@ -20,7 +20,9 @@ takes.
 class RestOfWay:
     """Rest of one route that is still to be checked."""
 
-    def __init__(self, what: str, flown: Flown, limits: Limits, geofence: Geofence, snapshot: Snapshot) -> None:
+    def __init__(
+        self, what: str, flown: CourseProgress, limits: Limits, geofence: GeofencePolicy, snapshot: Snapshot
+    ) -> None:
         """Raises `WrongStateError` if it is not known where the geofence lies."""
         self._what, self._geofence = what, geofence
         self._fence = geofence.fence(snapshot)

@@ -33,7 +33,7 @@ class HomeCourse(Course):
     """The ground at home in the local frame, as it was planned last."""
 
 
-class ReturnToLaunch(FollowTrajectory):
+class ReturnManoeuvre(FollowTrajectory):
     """The way home. It can be replaced, cancelled and paused until the UAV is over home; then a landing goes on."""
 
     def __init__(

@@ -17,7 +17,7 @@ from ual_daemon.flight.manoeuvres.fly_reference import FlyReference
 from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Step
 from ual_daemon.flight.manoeuvres.recover import Recover
 from ual_daemon.flight.policy.following import Following
-from ual_daemon.flight.policy.jumps import Jump
+from ual_daemon.flight.policy.jumps import EstimateJump
 from ual_daemon.flight.state import Estimate
 from ual_daemon.tracker.references import Reference, measured_motion
 from ual_daemon.trajectory import Motion
@@ -78,7 +78,7 @@ class StandBy(FlyReference):
         """Holds where it is, also beyond the geofence."""
 
     @override
-    def estimate_jumped(self, jump: Jump, stop: Reference) -> UalError | None:
+    def estimate_jumped(self, jump: EstimateJump, stop: Reference) -> UalError | None:
         return None  # it sends the present pose, wherever that is
 
 

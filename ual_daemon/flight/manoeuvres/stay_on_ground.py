@@ -15,7 +15,7 @@ from ual_daemon.flight.manoeuvres.arrival import Dwell
 from ual_daemon.flight.manoeuvres.await_stop import StopIn
 from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre, Step, failed, taken
 from ual_daemon.flight.manoeuvres.recover import ENTERED_S, TAKES_BACK
-from ual_daemon.flight.policy.jumps import Jump
+from ual_daemon.flight.policy.jumps import EstimateJump
 from ual_daemon.flight.state import Estimate
 from ual_daemon.tracker.references import Reference
 
@@ -125,5 +125,5 @@ class StayOnGround(Manoeuvre):
         self.send()
 
     @override
-    def estimate_jumped(self, jump: Jump, stop: Reference) -> UalError | None:
+    def estimate_jumped(self, jump: EstimateJump, stop: Reference) -> UalError | None:
         return None  # it has no way

@@ -26,14 +26,14 @@ from ual_daemon.flight.manoeuvres.manoeuvre import (
 )
 from ual_daemon.flight.manoeuvres.progress_watch import STUCK_S, ProgressWatch
 from ual_daemon.flight.policy.following import Trouble
-from ual_daemon.flight.policy.geofence import Geofence
-from ual_daemon.flight.policy.jumps import Jump
+from ual_daemon.flight.policy.geofence import GeofencePolicy
+from ual_daemon.flight.policy.jumps import EstimateJump
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import Progress, VehicleTask
 from ual_daemon.settings import ToleranceSettings
 from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.tracker.references import Hold, Reference, TrajectoryReference, measured_motion
-from ual_daemon.trajectory import Line, Motion
+from ual_daemon.trajectory import Motion, StraightLine
 
 _LOST_ACK_S = 1.0
 _MODE_NEWS_S = 1.5
@@ -62,7 +62,7 @@ _STUCK_WITHOUT_PILOT = (
 )
 
 
-class TakeOff(Manoeuvre):
+class TakeOffManoeuvre(Manoeuvre):
     """A climb, straight up, to a height above where the UAV stands."""
 
     declares = State.TAKING_OFF
@@ -261,7 +261,7 @@ class TakeOff(Manoeuvre):
         return estimate.state is not State.TAKING_OFF
 
     @override
-    def fit(self, snapshot: Snapshot, limits: CurrentLimits, geofence: Geofence) -> Step | None:
+    def fit(self, snapshot: Snapshot, limits: CurrentLimits, geofence: GeofencePolicy) -> Step | None:
         new = limits.get()
         if new != self._limits:
             self._limits = new
@@ -300,10 +300,10 @@ class TakeOff(Manoeuvre):
 
     def _climb_from(self, start: Motion, snapshot: Snapshot) -> TrajectoryReference:
         top = self._top.motion(snapshot)
-        return TrajectoryReference(Line(start, top.position, top.yaw_rad, self._limits), snapshot.time_s)
+        return TrajectoryReference(StraightLine(start, top.position, top.yaw_rad, self._limits), snapshot.time_s)
 
     @override
-    def estimate_jumped(self, jump: Jump, stop: Reference) -> UalError | None:
+    def estimate_jumped(self, jump: EstimateJump, stop: Reference) -> UalError | None:
         """Goes on to the same height above the ground, from where it is, and with the heading that it has."""
         self._ground_z += jump.offset.z
         self._climb_watch.moved(jump.offset.z)

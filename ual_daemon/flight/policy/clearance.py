@@ -15,7 +15,7 @@ from ual.geometry import Twist, Vector3
 from ual.types import Capability, Limits
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Snapshot, VehicleInfo
-from ual_daemon.flight.policy.geofence import Geofence, World
+from ual_daemon.flight.policy.geofence import FenceInputs, GeofencePolicy
 from ual_daemon.flight.policy.reach import REACTION_S
 from ual_daemon.flight.state import is_surely_auto
 from ual_daemon.frames.room import SURE_M
@@ -50,7 +50,7 @@ class _Clearance:
     """
 
     info: VehicleInfo
-    world: World
+    world: FenceInputs
     level2: float = -1.0
     climb_m_s: float = 0.0
     sink_m_s: float = 0.0
@@ -66,13 +66,13 @@ class _Clearance:
 class Clearance:
     """The clearance of one UAV. Any thread may call."""
 
-    def __init__(self, backend: Backend, limits: CurrentLimits, geofence: Geofence) -> None:
+    def __init__(self, backend: Backend, limits: CurrentLimits, geofence: GeofencePolicy) -> None:
         self._backend = backend
         self._limits = limits
         self._geofence = geofence
         self.rests_count = 0
         """Setpoints that need no test of the clearance."""
-        self._now = _Clearance(VehicleInfo(), World(*(None,) * 7))
+        self._now = _Clearance(VehicleInfo(), FenceInputs(*(None,) * 7))
 
     def admits(self, twist: Twist, snapshot: Snapshot, now_s: float) -> bool:
         """Returns whether a velocity along the axes of ``<ns>/odom`` surely may be flown now, as it is.

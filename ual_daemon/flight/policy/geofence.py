@@ -1,6 +1,6 @@
 """The geofence: what is refused because it would leave the fence. The safety pilot is never fenced.
 
-`ual_daemon.frames.fence.Fence` is the geometry: an area, a disc and a height band. `Geofence` knows where the
+`ual_daemon.frames.fence.Fence` is the geometry: an area, a disc and a height band. `GeofencePolicy` knows where the
 configured fence lies in the backend's local frame, and which goals, paths and velocities would leave it. The
 floor and the ceiling, which hold without any configuration, are edges of the same fence; so is the autopilot's own.
 """
@@ -53,7 +53,7 @@ _MOST_ROOMS = 3
 """Rooms that are kept: a program that commands two velocities in turn, each near another corner, needs two."""
 
 
-def geofence_of(settings: VehicleSettings, resolver: FrameResolver, needed_m: float) -> Geofence:
+def geofence_of(settings: VehicleSettings, resolver: FrameResolver, needed_m: float) -> GeofencePolicy:
     """Returns the geofence of a UAV. Where the configuration has none, it is the one that the autopilot itself has.
 
     Args:
@@ -69,10 +69,10 @@ def geofence_of(settings: VehicleSettings, resolver: FrameResolver, needed_m: fl
     clearance_m = needed_m if settings.clearance_m is None else settings.clearance_m
     if floor_m is not None and ceiling_m is not None and floor_m + clearance_m >= ceiling_m:
         raise ConfigError("is not above floor_m and clearance_m", "ceiling_m")
-    return Geofence(settings.geofence, resolver, floor_m, ceiling_m, clearance_m)
+    return GeofencePolicy(settings.geofence, resolver, floor_m, ceiling_m, clearance_m)
 
 
-class _Now(NamedTuple):
+class _CachedFence(NamedTuple):
     """Fence values cached under `key`.
 
     Attributes:
@@ -102,7 +102,7 @@ class _Now(NamedTuple):
 
 
 @dataclass(slots=True)
-class World:
+class FenceInputs:
     """Inputs of the fence, the floor and the ceiling, and the frames. Slots are read faster than a tuple's."""
 
     links: object
@@ -114,7 +114,7 @@ class World:
     earth: object
 
 
-class Geofence:
+class GeofencePolicy:
     """The configured fence, the floor and the ceiling, in the local frame. Any thread may call, except `observe`."""
 
     def __init__(
@@ -146,7 +146,7 @@ class Geofence:
         self._zoned: tuple[object, Fence] | None = None
         self._narrowed: tuple[object, tuple[Fence, Fence]] | None = None
         self._own: tuple[object, tuple[Fence, Fence]] | None = None
-        self._last: _Now | None = None
+        self._last: _CachedFence | None = None
         self._admitted: tuple[object, ...] = ()
 
     def _check_settings(self) -> None:
@@ -180,7 +180,7 @@ class Geofence:
         """
         return self._now(snapshot).fence
 
-    def _now(self, snapshot: Snapshot) -> _Now:
+    def _now(self, snapshot: Snapshot) -> _CachedFence:
         """Returns what holds now, which each setpoint asks for: the same as before, unless something has changed."""
         own = snapshot.autopilot_fence
         place = self._resolver.frames_version() if self._is_configured else self._resolver.odom_z_m
@@ -193,7 +193,7 @@ class Geofence:
             datum = self._datum(snapshot)
             (fence, low_fence), (floor_z_m, ceiling_z_m) = self._find(snapshot, datum), self._edges(datum)
             rooms = now.rooms if now is not None and now.low_fence is low_fence else ()
-            now = self._last = _Now(key, fence, low_fence, floor_z_m, ceiling_z_m, rooms)
+            now = self._last = _CachedFence(key, fence, low_fence, floor_z_m, ceiling_z_m, rooms)
         return now
 
     def _find(self, snapshot: Snapshot, datum: Datum) -> tuple[Fence, Fence]:
@@ -332,7 +332,7 @@ class Geofence:
             *self._resolver.frames_version(),
         )
 
-    def holds(self, world: World, snapshot: Snapshot) -> bool:
+    def holds(self, world: FenceInputs, snapshot: Snapshot) -> bool:
         """Returns whether all that `depends_on` returns are the same objects as in a `world`. Each setpoint asks."""
         resolver, earth = self._resolver, snapshot.earth
         frame = resolver.local_frame
@@ -346,11 +346,11 @@ class Geofence:
             and (world.earth is earth or world.earth == earth)
         )
 
-    def world(self, snapshot: Snapshot) -> World:
+    def world(self, snapshot: Snapshot) -> FenceInputs:
         """Returns what `holds` compares."""
         resolver = self._resolver
         frame = resolver.local_frame
-        return World(
+        return FenceInputs(
             resolver.tree.links,
             frame.home,
             frame.start,
@@ -487,7 +487,7 @@ class Geofence:
             self._find_room(now, points)
 
     def _require_stop(
-        self, now: _Now, points: Reach, own: Vector3, velocity: Vector3, limits: Limits, snapshot: Snapshot
+        self, now: _CachedFence, points: Reach, own: Vector3, velocity: Vector3, limits: Limits, snapshot: Snapshot
     ) -> None:
         """Checks by the rule itself; see `require_velocity`."""
         fence, polylines = now.low_fence, points.polylines()
@@ -507,13 +507,13 @@ class Geofence:
         if is_farther_out or fence.outside_m(changed) > fence.outside_m(soonest) + _SAME_POINT_M:
             raise self._velocity_error(found, snapshot)
 
-    def _find_room(self, now: _Now, points: Sequence[Point3]) -> None:
+    def _find_room(self, now: _CachedFence, points: Sequence[Point3]) -> None:
         """Keeps a part of the fence that contains points that were just admitted, if there is one."""
         room = now.low_fence.room_around(points)
         if room is not None:
             self._last = now._replace(rooms=(room, *now.rooms[: _MOST_ROOMS - 1]))
 
-    def _require_stop_between(self, now: _Now, points: Reach, velocity: Vector3) -> None:
+    def _require_stop_between(self, now: _CachedFence, points: Reach, velocity: Vector3) -> None:
         """Raises `GeofenceError` if a velocity leads through the clearance of the floor, or through the ceiling."""
         stop_z_m = points.commanded_stop[2]
         given_m = self._given_m() if velocity.z >= -_GENTLE_M_S else 0.0

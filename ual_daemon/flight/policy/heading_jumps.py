@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from ual.geometry import wrap_angle
 from ual_daemon.backends.values import Snapshot
-from ual_daemon.flight.policy.jumps import Confirmation, Jump
+from ual_daemon.flight.policy.jumps import Confirmation, EstimateJump
 
 JUMP_RAD = 0.2
 """Least turn of an estimate in rad that counts as a jump; noise stays below it, and is turned back."""
@@ -24,7 +24,7 @@ _LONGEST_S = 0.5
 """After a longer gap between two headings nothing can be said."""
 
 
-class _Seen(NamedTuple):
+class _SeenHeading(NamedTuple):
     """A heading, a yaw rate, when they were received, and in which boot."""
 
     yaw_rad: float
@@ -37,20 +37,22 @@ class HeadingJumpDetector:
     """Compares each heading with the one before. Belongs to the update thread."""
 
     def __init__(self) -> None:
-        self._poses: Confirmation[_Seen] = Confirmation()
+        self._poses: Confirmation[_SeenHeading] = Confirmation()
         self.is_suspected = self._poses.is_suspected
 
-    def observe(self, snapshot: Snapshot) -> Jump | None:
+    def observe(self, snapshot: Snapshot) -> EstimateJump | None:
         """Returns by how much the heading has jumped, with the second heading there; None if it has not."""
         poses, pose, velocity = self._poses, snapshot.motion.pose, snapshot.motion.velocity
         if pose is None or velocity is None or not poses.is_new(pose):
             return None
-        new = _Seen(pose.value.orientation.yaw_rad, velocity.value.angular.z, pose.time_s, snapshot.link.boots_count)
+        new = _SeenHeading(
+            pose.value.orientation.yaw_rad, velocity.value.angular.z, pose.time_s, snapshot.link.boots_count
+        )
         jump_rad = _jump_rad(poses.last, new)
-        return Jump(yaw_rad=jump_rad) if poses.confirms(new, has_jumped=bool(jump_rad)) else None
+        return EstimateJump(yaw_rad=jump_rad) if poses.confirms(new, has_jumped=bool(jump_rad)) else None
 
 
-def _jump_rad(last: _Seen | None, new: _Seen) -> float:
+def _jump_rad(last: _SeenHeading | None, new: _SeenHeading) -> float:
     """Returns by how much the heading has changed where the yaw rate does not explain it; else 0."""
     if last is None or new.boots_count != last.boots_count or not 0.0 <= new.received_s - last.received_s <= _LONGEST_S:
         return 0.0

@@ -33,7 +33,7 @@ SUSPECTED_S = 0.2
 """Seconds for which a suspicion counts if no other position comes."""
 
 
-class Jump(NamedTuple):
+class EstimateJump(NamedTuple):
     """By how much the autopilot's estimate has jumped: the position along the local axes, the heading to the left."""
 
     offset: Vector3 = Vector3()
@@ -56,7 +56,7 @@ class Jump(NamedTuple):
         return math.degrees(self.yaw_rad)
 
 
-class _Seen(NamedTuple):
+class _SeenPosition(NamedTuple):
     """A position and velocity, when they were received and (0 where that is not known) measured, and in which boot.
 
     When they were measured is on the autopilot's own clock, or else in UTC.
@@ -108,7 +108,7 @@ class JumpDetector:
     """Compares each position with the one before. Belongs to the update thread."""
 
     def __init__(self) -> None:
-        self._poses: Confirmation[_Seen] = Confirmation()
+        self._poses: Confirmation[_SeenPosition] = Confirmation()
         self._usual_m = 0.0
         self._announced_s = -math.inf
         self.is_suspected = self._poses.is_suspected
@@ -117,14 +117,16 @@ class JumpDetector:
         """Takes note that the position will jump: smaller steps are looked for. Any thread may call."""
         self._announced_s = now_s
 
-    def observe(self, snapshot: Snapshot) -> Jump | None:
+    def observe(self, snapshot: Snapshot) -> EstimateJump | None:
         """Returns by how much the estimate has jumped, with the second position there; None if it has not."""
         poses, pose, sample = self._poses, snapshot.motion.pose, snapshot.motion.velocity
         if pose is None or sample is None or not poses.is_new(pose):
             return None
         last = poses.last
         measured_s = snapshot.motion.measured_s or snapshot.motion.stamp_s
-        new = _Seen(pose.value.position, sample.value.linear, pose.time_s, measured_s, snapshot.link.boots_count)
+        new = _SeenPosition(
+            pose.value.position, sample.value.linear, pose.time_s, measured_s, snapshot.link.boots_count
+        )
         if last is not None and not poses.is_waiting and self._is_continued(last, new):
             poses.last = new
             return None
@@ -139,14 +141,14 @@ class JumpDetector:
             return None
         step = _unexplained(last, new, passed_s)
         free_m = self._free_m(new) + _ACCELERATION_M_S2 / 2 * passed_s * passed_s
-        return Jump(step) if poses.confirms(new, has_jumped=step.norm() > free_m) else None
+        return EstimateJump(step) if poses.confirms(new, has_jumped=step.norm() > free_m) else None
 
-    def _free_m(self, new: _Seen) -> float:
+    def _free_m(self, new: _SeenPosition) -> float:
         """Returns by how much the position may change without an explanation."""
         is_announced = new.received_s - self._announced_s < ANNOUNCED_S
         return max(ANNOUNCED_JUMP_M if is_announced else JUMP_M, _NOISE_FACTOR * self._usual_m)
 
-    def _is_continued(self, last: _Seen, new: _Seen) -> bool:
+    def _is_continued(self, last: _SeenPosition, new: _SeenPosition) -> bool:
         """Returns whether the velocity explains the change of position well. In plain numbers, as each update calls
         it.
         """
@@ -168,14 +170,14 @@ def _is_good(snapshot: Snapshot) -> bool:
     return snapshot.motion.estimator is not None and snapshot.motion.estimator.value.is_good
 
 
-def _longest_s(last: _Seen, new: _Seen) -> float:
+def _longest_s(last: _SeenPosition, new: _SeenPosition) -> float:
     """Returns how long it was at most between two positions: a link may hold them back and deliver them together."""
     received_s = new.received_s - last.received_s
     are_measured = last.measured_s > 0.0 and new.measured_s > 0.0
     return max(received_s, new.measured_s - last.measured_s if are_measured else received_s)
 
 
-def _unexplained(last: _Seen, new: _Seen, passed_s: float) -> Vector3:
+def _unexplained(last: _SeenPosition, new: _SeenPosition, passed_s: float) -> Vector3:
     """Returns the part of the change of position that the velocity does not explain, for any time up to `passed_s`."""
     change, velocity = new.position - last.position, (last.velocity + new.velocity) * 0.5
     speed_2 = velocity.dot(velocity)

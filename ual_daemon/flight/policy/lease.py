@@ -31,7 +31,7 @@ class _Held:
     lasts_s: float
 
 
-class Lease:
+class FlightLease:
     """The lease: at most one program commands a UAV. Any thread may call.
 
     Durations are of the computer's monotonic clock, also in a simulation: a program lives in real time.

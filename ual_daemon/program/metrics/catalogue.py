@@ -20,7 +20,7 @@ class Metric(NamedTuple):
     text: str
 
 
-class Sample(NamedTuple):
+class MetricSample(NamedTuple):
     """A value of a metric. `suffix` follows the metric's name: ``_total`` of a counter, ``_bucket``, ``_sum``, ..."""
 
     metric: str

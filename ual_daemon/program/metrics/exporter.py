@@ -14,7 +14,7 @@ from prometheus_client.core import Metric
 from typing_extensions import override
 
 from ual_daemon import logs
-from ual_daemon.program.metrics.catalogue import CATALOGUE, Sample
+from ual_daemon.program.metrics.catalogue import CATALOGUE, MetricSample
 from ual_daemon.program.metrics.http_server import HttpServer
 from ual_daemon.server.addresses import Address
 
@@ -27,7 +27,9 @@ FRESH_S = 0.5
 class Collected(prometheus_client.registry.Collector):
     """The values of a function, as metrics of prometheus_client."""
 
-    def __init__(self, gather: Callable[[], Iterable[Sample]], clock: Callable[[], float] = time.monotonic) -> None:
+    def __init__(
+        self, gather: Callable[[], Iterable[MetricSample]], clock: Callable[[], float] = time.monotonic
+    ) -> None:
         self._gather = gather
         self._clock = clock
         self._gathered_s = float("-inf")
@@ -45,7 +47,7 @@ class Collected(prometheus_client.registry.Collector):
         return iter(())
 
 
-def families(samples: Iterable[Sample]) -> list[Metric]:
+def families(samples: Iterable[MetricSample]) -> list[Metric]:
     """Returns the metrics with their values, in the order of the catalogue: those that have values."""
     found = {name: Metric(name, each.text, each.kind, each.unit) for name, each in CATALOGUE.items()}
     for sample in samples:
@@ -66,7 +68,7 @@ class Exporter:
         self._server = HttpServer(address, "metrics")
         self.address = self._server.address
 
-    def start(self, gather: Callable[[], Iterable[Sample]]) -> None:
+    def start(self, gather: Callable[[], Iterable[MetricSample]]) -> None:
         """Begins to serve. `gather` is called on a thread of the exporter's."""
         registry = prometheus_client.CollectorRegistry(auto_describe=False)
         registry.register(Collected(gather))

@@ -12,11 +12,11 @@ from ual.recording.recorder import QueueFigures
 from ual.types import Battery, GpsFix, GpsInfo, State
 from ual_daemon._version import __version__
 from ual_daemon.backends.values import LinkReport
-from ual_daemon.program.metrics.catalogue import Sample
+from ual_daemon.program.metrics.catalogue import MetricSample
 from ual_daemon.program.metrics.setpoint_meter import BOUNDS_S, SetpointMeter
 from ual_daemon.program.metrics.threads import audit_samples, guard_samples
 from ual_daemon.server.server import ServerFigures
-from ual_daemon.vehicle.figures import Figures
+from ual_daemon.vehicle.figures import VehicleFigures
 
 if TYPE_CHECKING:
     from ual_daemon.choice import ServedVehicle
@@ -27,7 +27,7 @@ _SETPOINTS_DUE = (State.FLYING_AUTO, State.TAKING_OFF, State.UNINITIALIZED)
 _PAGE_BYTES = os.sysconf("SC_PAGE_SIZE")
 
 
-class Measured(Protocol):
+class MeasuredServer(Protocol):
     """The server of a UAV."""
 
     def figures(self) -> ServerFigures:
@@ -56,7 +56,7 @@ class Audited(Protocol):
 class UavMetrics:
     """The metrics of one UAV."""
 
-    def __init__(self, vehicle: ServedVehicle, server: Measured) -> None:
+    def __init__(self, vehicle: ServedVehicle, server: MeasuredServer) -> None:
         self._vehicle = vehicle
         self._server = server
         self._labels = {"ns": vehicle.ns}
@@ -71,7 +71,7 @@ class UavMetrics:
         if state not in _SETPOINTS_DUE:
             self._meter.on_pause(self._period_s())
 
-    def samples(self) -> Iterator[Sample]:
+    def samples(self) -> Iterator[MetricSample]:
         """Yields the values, as they are now."""
         now, served = self._vehicle.figures(), self._server.figures()
         yield from self._of_uav(now)
@@ -85,14 +85,14 @@ class UavMetrics:
         yield self._of("ual_plan_seconds", served.plans.ended_count, suffix="_count")
         yield self._of("ual_plan_seconds", served.plans.ended_s, suffix="_sum")
 
-    def _of(self, metric: str, value: float, suffix: str = "", **labels: str) -> Sample:
-        return Sample(metric, suffix, {**self._labels, **labels}, float(value))
+    def _of(self, metric: str, value: float, suffix: str = "", **labels: str) -> MetricSample:
+        return MetricSample(metric, suffix, {**self._labels, **labels}, float(value))
 
-    def _known(self, values: Mapping[str, float | None], suffix: str = "") -> Iterator[Sample]:
+    def _known(self, values: Mapping[str, float | None], suffix: str = "") -> Iterator[MetricSample]:
         """Yields those that are known: a value that is not measured has no sample."""
         yield from (self._of(name, value, suffix) for name, value in values.items() if value is not None)
 
-    def _of_uav(self, now: Figures) -> Iterator[Sample]:
+    def _of_uav(self, now: VehicleFigures) -> Iterator[MetricSample]:
         info = self._vehicle.info()
         yield self._of("ual_up", 1)
         yield self._of(
@@ -105,7 +105,7 @@ class UavMetrics:
         if now.snapshot.control.failsafe is not None:
             yield self._of("ual_failsafe", 1, cause=now.snapshot.control.failsafe.value)
 
-    def _of_battery(self, battery: Battery | None) -> Iterator[Sample]:
+    def _of_battery(self, battery: Battery | None) -> Iterator[MetricSample]:
         found = battery or Battery()
         left = None if found.remaining_percent is None else found.remaining_percent / 100.0
         yield from self._known(
@@ -116,7 +116,7 @@ class UavMetrics:
             }
         )
 
-    def _of_gps(self, gps: GpsInfo | None) -> Iterator[Sample]:
+    def _of_gps(self, gps: GpsInfo | None) -> Iterator[MetricSample]:
         if gps is None:
             return
         yield from (self._of("ual_gps_fix", each is gps.fix, fix=each.name) for each in GpsFix)
@@ -124,7 +124,7 @@ class UavMetrics:
             {"ual_gps_corrections_age_seconds": gps.corrections_age_s, "ual_gps_baseline_meters": gps.baseline_m}
         )
 
-    def _of_link(self, now: Figures) -> Iterator[Sample]:
+    def _of_link(self, now: VehicleFigures) -> Iterator[MetricSample]:
         heard_s, link = now.snapshot.heard_s, now.link
         yield self._of("ual_link_up", now.is_link_up)
         yield from self._known(
@@ -137,7 +137,7 @@ class UavMetrics:
         )
         yield from self._known(_counts(link), "_total")
 
-    def _of_setpoints(self) -> Iterator[Sample]:
+    def _of_setpoints(self) -> Iterator[MetricSample]:
         counts, sum_s = self._meter.lateness
         yield self._of("ual_setpoints_sent", self._meter.sent_count, "_total")
         for bound_s, count in zip(BOUNDS_S, counts, strict=True):
@@ -146,14 +146,14 @@ class UavMetrics:
         yield self._of("ual_setpoint_lateness_seconds", counts[-1], "_count")
         yield self._of("ual_setpoint_lateness_seconds", sum_s, "_sum")
 
-    def _of_tasks(self, now: Figures) -> Iterator[Sample]:
+    def _of_tasks(self, now: VehicleFigures) -> Iterator[MetricSample]:
         if now.task is not None:
             yield self._of("ual_tasks_running", 1, kind=now.task.name.lower())
         for (kind, status), count in now.tasks_ended.items():
             labels = {"kind": kind.name.lower(), "outcome": status.name.lower()}
             yield self._of("ual_tasks_ended", count, "_total", **labels)
 
-    def _of_calls(self, now: Figures, served: ServerFigures) -> Iterator[Sample]:
+    def _of_calls(self, now: VehicleFigures, served: ServerFigures) -> Iterator[MetricSample]:
         yield self._of("ual_callers", served.calls.callers_count)
         yield self._of("ual_lease_held", now.is_leased)
         yield self._of("ual_stream_samples_missed", served.missed_count, "_total")
@@ -172,35 +172,35 @@ class ProcessMetrics:
         self._recording = recording
         self._uavs: tuple[UavMetrics, ...] = ()
 
-    def add(self, vehicle: ServedVehicle, server: Measured) -> None:
+    def add(self, vehicle: ServedVehicle, server: MeasuredServer) -> None:
         """Adds a UAV, before its vehicle is opened."""
         self._uavs = (*self._uavs, UavMetrics(vehicle, server))
 
-    def samples(self) -> list[Sample]:
+    def samples(self) -> list[MetricSample]:
         """Returns all values, as they are now. From any thread."""
         of_uavs = (each for uav in self._uavs for each in uav.samples())
         return [*self._of_process(), *self._of_recorder(), *self._of_workers(), *of_uavs]
 
-    def _of_workers(self) -> list[Sample]:
+    def _of_workers(self) -> list[MetricSample]:
         audit = [] if self._audit is None else audit_samples(self._labels, self._audit.figures)
         return [*guard_samples(self._labels), *audit]
 
-    def _of_process(self) -> Iterator[Sample]:
+    def _of_process(self) -> Iterator[MetricSample]:
         used = resource.getrusage(resource.RUSAGE_SELF)
-        yield Sample("ual_build", "_info", {**self._labels, "version": __version__}, 1.0)
-        yield Sample("ual_process_cpu_seconds", "_total", self._labels, used.ru_utime + used.ru_stime)
+        yield MetricSample("ual_build", "_info", {**self._labels, "version": __version__}, 1.0)
+        yield MetricSample("ual_process_cpu_seconds", "_total", self._labels, used.ru_utime + used.ru_stime)
         resident_bytes = _resident_bytes()
         if resident_bytes is not None:
-            yield Sample("ual_process_resident_memory_bytes", "", self._labels, resident_bytes)
+            yield MetricSample("ual_process_resident_memory_bytes", "", self._labels, resident_bytes)
 
-    def _of_recorder(self) -> Iterator[Sample]:
+    def _of_recorder(self) -> Iterator[MetricSample]:
         if self._recording is None:
             return
         queue = self._recording.figures
-        yield Sample("ual_recorder_running", "", self._labels, float(queue.is_running))
-        yield Sample("ual_recorder_queue_entries", "", self._labels, queue.entries_count)
-        yield Sample("ual_recorder_queue_bytes", "", self._labels, queue.size_bytes)
-        yield Sample("ual_recorder_lost_entries", "_total", self._labels, queue.lost_count)
+        yield MetricSample("ual_recorder_running", "", self._labels, float(queue.is_running))
+        yield MetricSample("ual_recorder_queue_entries", "", self._labels, queue.entries_count)
+        yield MetricSample("ual_recorder_queue_bytes", "", self._labels, queue.size_bytes)
+        yield MetricSample("ual_recorder_lost_entries", "_total", self._labels, queue.lost_count)
 
 
 def _counts(link: LinkReport) -> dict[str, float | None]:

@@ -37,7 +37,7 @@ _END_S = 1.0
 _END_OF_REQUEST = b"\r\n\r\n"
 
 
-class Answer(NamedTuple):
+class HttpAnswer(NamedTuple):
     """An answer: its status, its headers, and its content."""
 
     status: str
@@ -196,21 +196,21 @@ class _Serving:
 
     async def _answer(self, request: bytes, writer: asyncio.StreamWriter) -> None:
         environ = environ_of(request)
-        answer = Answer("400 Bad Request", [], b"") if environ is None else await self._ask(environ)
+        answer = HttpAnswer("400 Bad Request", [], b"") if environ is None else await self._ask(environ)
         writer.write(answer.packed())
         await writer.drain()
         writer.close()
         await writer.wait_closed()
 
-    async def _ask(self, environ: dict[str, Any]) -> Answer:
+    async def _ask(self, environ: dict[str, Any]) -> HttpAnswer:
         """Asks the application, on a thread that the end does not wait for."""
         loop = asyncio.get_running_loop()
         await self._turn.acquire()
-        answered: asyncio.Future[Answer] = loop.create_future()
+        answered: asyncio.Future[HttpAnswer] = loop.create_future()
         answered.add_done_callback(lambda _: self._turn.release())
 
         def ask() -> None:
-            failed = Answer("500 Internal Server Error", [], b"")
+            failed = HttpAnswer("500 Internal Server Error", [], b"")
             answer = self._guard.run(lambda: _called(self._app, environ), lambda _: failed)
             with suppress(RuntimeError):  # the server was closed meanwhile
                 loop.call_soon_threadsafe(answered.set_result, answer)
@@ -219,10 +219,10 @@ class _Serving:
         return await asyncio.shield(answered)  # the turn ends with the answer, even if nobody waits for it
 
 
-def _called(app: Application, environ: dict[str, Any]) -> Answer:
+def _called(app: Application, environ: dict[str, Any]) -> HttpAnswer:
     begun: list[tuple[str, list[tuple[str, str]]]] = []
     body = b"".join(app(environ, lambda status, headers: begun.append((status, headers))))
-    return Answer(*begun[0], body)
+    return HttpAnswer(*begun[0], body)
 
 
 def environ_of(request: bytes) -> dict[str, Any] | None:

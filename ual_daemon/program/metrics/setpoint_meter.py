@@ -16,7 +16,7 @@ BOUNDS_S = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0,
 """Buckets of the histogram: the largest lateness of their setpoints in s."""
 
 
-class Lateness(NamedTuple):
+class LatenessHistogram(NamedTuple):
     """The histogram: how many setpoints were late by at most each of `BOUNDS_S`, and the sum of the lateness."""
 
     counts: tuple[int, ...]
@@ -57,7 +57,7 @@ class SetpointMeter:
             self._sent_s, self._period_s = -math.inf, period_s
 
     @property
-    def lateness(self) -> Lateness:
+    def lateness(self) -> LatenessHistogram:
         """The histogram as it is now."""
         with self._lock:
-            return Lateness(tuple(accumulate(self._counts)), self._sum_s)
+            return LatenessHistogram(tuple(accumulate(self._counts)), self._sum_s)

@@ -9,7 +9,7 @@ from concurrent.futures import Future
 from concurrent.futures import TimeoutError as NotInTimeError  # Python 3.10 has two of them
 from typing import Protocol
 
-from ual_daemon.program.metrics.catalogue import Sample
+from ual_daemon.program.metrics.catalogue import MetricSample
 
 ASK = "metrics"
 """The supervisor's word for it."""
@@ -17,7 +17,7 @@ LIMIT_S = 2.0
 """Seconds without an answer after which a worker does not count as up."""
 
 
-class Worker(Protocol):
+class MeteredWorker(Protocol):
     """A worker, as the supervisor sees it."""
 
     @property
@@ -32,7 +32,7 @@ class Worker(Protocol):
         """Sends words to it."""
 
 
-def packed(number: int, samples: Sequence[Sample]) -> bytes:
+def packed(number: int, samples: Sequence[MetricSample]) -> bytes:
     """Returns the answer of a worker to the question of that number."""
     return json.dumps([number, samples]).encode()
 
@@ -40,26 +40,26 @@ def packed(number: int, samples: Sequence[Sample]) -> bytes:
 class WorkersMetrics:
     """Asks the workers. `samples` is for the exporter's thread, the rest belongs to the event loop that runs now."""
 
-    def __init__(self, workers: Sequence[Worker], own: Callable[[], Sequence[Sample]] = tuple) -> None:
+    def __init__(self, workers: Sequence[MeteredWorker], own: Callable[[], Sequence[MetricSample]] = tuple) -> None:
         """`own` returns the values of the supervisor itself."""
         self._workers = workers
         self._own = own
         self._loop = asyncio.get_running_loop()
         self._number = 0
-        self._found: dict[int, list[Sample]] = {}
+        self._found: dict[int, list[MetricSample]] = {}
         """Samples of each worker's answer, by the worker's number."""
-        self._asked: Future[list[Sample]] = Future()
+        self._asked: Future[list[MetricSample]] = Future()
 
-    def samples(self) -> list[Sample]:
+    def samples(self) -> list[MetricSample]:
         """Returns the values of all workers, and which UAVs are not up. Waits at most `LIMIT_S` for the answers."""
-        asked: Future[list[Sample]] = Future()
+        asked: Future[list[MetricSample]] = Future()
         try:
             self._loop.call_soon_threadsafe(self._ask, asked)
             return asked.result(2.0 * LIMIT_S)
         except (RuntimeError, NotInTimeError):  # the loop is closed, or closes: the fleet ends
             return []
 
-    def _ask(self, asked: Future[list[Sample]]) -> None:
+    def _ask(self, asked: Future[list[MetricSample]]) -> None:
         self._number += 1
         self._asked, self._found = asked, {}
         for worker in self._workers:
@@ -67,20 +67,20 @@ class WorkersMetrics:
         self._loop.call_later(LIMIT_S, self._finish, asked)
         self._finish_if_complete()
 
-    def on_answer(self, worker: Worker, answer: bytes) -> None:
+    def on_answer(self, worker: MeteredWorker, answer: bytes) -> None:
         """Takes the answer of a worker, unless it is one to an earlier question."""
         number, samples = json.loads(answer)
         if number == self._number:
-            self._found[self._workers.index(worker)] = [Sample(*each) for each in samples]
+            self._found[self._workers.index(worker)] = [MetricSample(*each) for each in samples]
             self._finish_if_complete()
 
     def _finish_if_complete(self) -> None:
         if all(i in self._found or not worker.is_running for i, worker in enumerate(self._workers)):
             self._finish(self._asked)
 
-    def _finish(self, asked: Future[list[Sample]]) -> None:
+    def _finish(self, asked: Future[list[MetricSample]]) -> None:
         if asked.done():
             return
         silent = [name for i, worker in enumerate(self._workers) if i not in self._found for name in worker.names]
-        down = [Sample("ual_up", "", {"ns": name}, 0.0) for name in silent]
+        down = [MetricSample("ual_up", "", {"ns": name}, 0.0) for name in silent]
         asked.set_result([*(each for found in self._found.values() for each in found), *down, *self._own()])

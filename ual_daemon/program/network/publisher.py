@@ -24,7 +24,7 @@ from ual.network.values import Report, Teller, UavReport
 from ual.shared.guard import WorkGuard
 from ual_daemon import logs
 from ual_daemon._version import __version__
-from ual_daemon.program.network.told import Told
+from ual_daemon.program.network.told import UavAnnouncement
 
 _log = logging.getLogger(__name__)
 
@@ -51,18 +51,18 @@ class Publisher:
         self._settings = settings
         self._source = Source(settings.site, publisher, secrets.token_hex(_INSTANCE_BYTES))
         self._host = settings.host or computer.host()
-        self._uavs: Sequence[Told] = ()
+        self._uavs: Sequence[UavAnnouncement] = ()
         self._is_closing = threading.Event()
         self._guard = WorkGuard("network")
         self._is_connected: bool | None = None
         self._thread = threading.Thread(target=self._run, name="network", daemon=True)
 
-    def start(self, uavs: Sequence[Told]) -> None:
+    def start(self, uavs: Sequence[UavAnnouncement]) -> None:
         """Begins to tell of UAVs, once they are served."""
         self.begin(uavs)
         self._thread.start()
 
-    def begin(self, uavs: Sequence[Told]) -> None:
+    def begin(self, uavs: Sequence[UavAnnouncement]) -> None:
         """Takes note of the UAVs to tell of."""
         self._uavs = uavs
         self._teller = Teller(

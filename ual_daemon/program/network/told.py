@@ -16,7 +16,7 @@ _EVERYWHERE = ("0.0.0.0", "::")  # noqa: S104  compared with, not bound to
 
 
 @dataclass(frozen=True, slots=True)
-class Told:
+class UavAnnouncement:
     """One UAV. `telemetry` returns its newest sample, on any thread."""
 
     ns: str

@@ -20,7 +20,7 @@ from ual_daemon.program.recording.audit_file import time_text
 from ual_daemon.program.recording.audit_writer import AuditWriter
 from ual_daemon.program.recording.call_json import to_json
 from ual_daemon.server.access.needed import needed_role
-from ual_daemon.server.call_log import CallRecord, Observer
+from ual_daemon.server.call_log import CallObserver, CallRecord
 
 if TYPE_CHECKING:
     from ual_daemon.choice import ServedVehicle
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _IS_AUDITED = {each.path: each.is_audited for each in METHODS.values()}
 
 
-class _Waiting(NamedTuple):
+class _WaitingLine(NamedTuple):
     vehicle: ServedVehicle
     record: CallRecord
     before: object
@@ -44,18 +44,18 @@ def changes(method: str) -> bool:
 class Audit(AuditWriter):
     """The audit of the UAVs of this process."""
 
-    def observer(self, vehicle: ServedVehicle) -> Observer:
+    def observer(self, vehicle: ServedVehicle) -> CallObserver:
         """Returns what observes the calls for a UAV."""
         return _UavAudit(vehicle, self)
 
     def put_call(self, vehicle: ServedVehicle, record: CallRecord, before: object) -> None:
         """Writes the line of a call, soon. From any thread."""
         size_bytes = (len(record.request) if record.request else 0) + (len(record.response) if record.response else 0)
-        waiting = _Waiting(vehicle, record, before, vehicle.state().name, self._now())
+        waiting = _WaitingLine(vehicle, record, before, vehicle.state().name, self._now())
         self.put(partial(_entry, waiting, self.guard), size_bytes)
 
 
-class _UavAudit(Observer):
+class _UavAudit(CallObserver):
     def __init__(self, vehicle: ServedVehicle, to: Audit) -> None:
         self._vehicle = vehicle
         self._audit = to
@@ -70,7 +70,7 @@ class _UavAudit(Observer):
             self._audit.put_call(self._vehicle, record, before)
 
 
-def _entry(waiting: _Waiting, guard: WorkGuard) -> dict[str, Any]:
+def _entry(waiting: _WaitingLine, guard: WorkGuard) -> dict[str, Any]:
     """Returns the line of a call; one without its content where that cannot be told."""
     record = waiting.record
     call = {

@@ -49,7 +49,7 @@ def time_text(time: datetime) -> str:
     return time.isoformat(timespec="microseconds")
 
 
-class Lines(ABC):
+class AuditLines(ABC):
     """Destination of the lines of an audit."""
 
     name: str
@@ -120,7 +120,7 @@ class Lines(ABC):
         os.close(self._file)
 
 
-class AuditFile(Lines):
+class AuditFile(AuditLines):
     """A file of chained lines.
 
     Raises:
@@ -142,7 +142,7 @@ class AuditFile(Lines):
             os.close(self._file)
             raise AuditError(f"cannot write the audit {path}: {error.strerror}") from None
 
-    def _begin(self, opened: _Opened, now: datetime, **why: str) -> None:
+    def _begin(self, opened: _OpenedFile, now: datetime, **why: str) -> None:
         """Begins to write to a file that was opened."""
         self._file, self._head, self._begun_bytes = opened.file, opened.head, 0
         self._unwritten = b"" if opened.torn is None else b"\n"
@@ -214,7 +214,7 @@ class AuditFile(Lines):
         super().close()
 
 
-class AuditPipe(Lines):
+class AuditPipe(AuditLines):
     """The lines of a worker of a fleet, which its supervisor chains and writes: one file for all."""
 
     name = "of the supervisor"
@@ -224,7 +224,7 @@ class AuditPipe(Lines):
         self._unwritten += json.dumps(entry).encode() + b"\n"
 
 
-class _Opened(NamedTuple):
+class _OpenedFile(NamedTuple):
     """A file to append to: the hash of its last whole line, and what an incomplete line after it has."""
 
     file: int
@@ -232,7 +232,7 @@ class _Opened(NamedTuple):
     torn: bytes | None
 
 
-def _open(path: Path) -> _Opened:
+def _open(path: Path) -> _OpenedFile:
     """Opens the file, which no other daemon may write at the same time."""
     try:
         file = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, _MODE)
@@ -240,7 +240,7 @@ def _open(path: Path) -> _Opened:
         raise AuditError(f"cannot write the audit {path}: {error.strerror}") from None
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        return _Opened(file, *_head(file, path))
+        return _OpenedFile(file, *_head(file, path))
     except BlockingIOError:
         os.close(file)
         raise AuditError(f"another daemon writes the audit {path}: each needs a file of its own") from None

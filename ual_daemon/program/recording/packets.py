@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ual.recording.recorder import Clock, Entry, Output
+from ual.recording.recorder import Entry, Output, SteadyUtc
 from ual.recording.topics import Topic
 from ual_daemon.backends.values import Packet
 
@@ -17,7 +17,7 @@ class PacketTopics:
     publication is the same moment as the computer's clock said it then.
     """
 
-    def __init__(self, ns: str, clock: Clock) -> None:
+    def __init__(self, ns: str, clock: SteadyUtc) -> None:
         self._ns = ns
         self._clock = clock
         self._topics: dict[tuple[bool, str], Topic] = {}

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 from typing_extensions import override
 
 from ual.errors import UalError
-from ual.recording.carried import Carried
+from ual.recording.carried import PayloadRecorder
 from ual.recording.frames import LOOK_S, FrameChanges
 from ual.recording.log import RecordingHandler
-from ual.recording.pictures import Pictures
+from ual.recording.pictures import PictureRecorder
 from ual.recording.recorder import QueueFigures, Recorder, Turnover
 from ual.recording.telemetry import TelemetryTopics
 from ual.types import Info, Telemetry
@@ -22,7 +22,7 @@ from ual_daemon.backends.values import Packet, Setpoint
 from ual_daemon.program.recording.calls import CallTopic
 from ual_daemon.program.recording.packets import PacketTopics
 from ual_daemon.program.recording.setpoints import SetpointTopic
-from ual_daemon.server.call_log import CallRecord, Observer
+from ual_daemon.server.call_log import CallObserver, CallRecord
 from ual_daemon.services._derived import Cameras, Gimbals, Gripper
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ _INFO_S = 1.0
 """Seconds between two checks whether the vehicle's info has changed."""
 
 
-class UavRecording(Observer):
+class UavRecording(CallObserver):
     """Records one UAV."""
 
     def __init__(self, vehicle: ServedVehicle, recorder: Recorder, *, is_raw: bool, has_pictures: bool) -> None:
@@ -55,9 +55,9 @@ class UavRecording(Observer):
         vehicle.observe_setpoints(self._on_setpoint)
         if is_raw and not vehicle.observe_packets(self._on_packet):
             logs.event(_log, logging.WARNING, "no_packets", ns=vehicle.ns, backend=vehicle.backend_name)
-        self._pictures = Pictures(vehicle.ns, Cameras(vehicle), recorder) if has_pictures else None
+        self._pictures = PictureRecorder(vehicle.ns, Cameras(vehicle), recorder) if has_pictures else None
         gripper = Gripper(vehicle, str)  # without a lease: nothing is ordered
-        self._carried = Carried(vehicle.ns, Gimbals(vehicle), gripper, vehicle.frames, recorder)
+        self._carried = PayloadRecorder(vehicle.ns, Gimbals(vehicle), gripper, vehicle.frames, recorder)
         recorder.at_each_file(self._repeat)
 
     def start(self) -> None:
@@ -121,7 +121,7 @@ class UavRecording(Observer):
         self._frames.forget()
 
 
-class Recording:
+class DaemonRecording:
     """The recording of all UAVs of this process, from `start` to `close`.
 
     `text` makes the text of a line of the log.
@@ -173,7 +173,7 @@ class Recording:
         """Calls back when `checks` has changed, on the recorder's thread."""
         self._recorder.on_change = callback
 
-    def observer(self, ns: str) -> Observer:
+    def observer(self, ns: str) -> CallObserver:
         """Returns what observes the calls for a UAV."""
         return self._uavs[ns]
 

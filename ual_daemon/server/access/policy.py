@@ -16,7 +16,7 @@ from ual.access.roles import Role
 from ual.access.tokens import Token
 from ual.errors import UnauthenticatedError
 from ual_daemon.server.access.caller import LOCAL, NOBODY, OF_THIS_COMPUTER, Caller
-from ual_daemon.server.transport.base import Call
+from ual_daemon.server.transport.base import ServedCall
 
 AUTHORIZATION = "authorization"
 FORWARDED_FOR = "x-forwarded-for"
@@ -71,7 +71,7 @@ class Access:
         """Whether a caller of another computer that shows nothing may not fly."""
         return self._roles().nobody < Role.PILOT
 
-    def identify(self, call: Call) -> Caller:
+    def identify(self, call: ServedCall) -> Caller:
         """Returns who calls.
 
         Raises:
@@ -148,7 +148,7 @@ def _is_loopback(text: str) -> bool:
     return address.is_loopback or (mapped is not None and mapped.is_loopback)
 
 
-def _given(call: Call) -> dict[str, str]:
+def _given(call: ServedCall) -> dict[str, str]:
     """Returns the metadata by which a caller says who it is. A key that is given twice counts with all its values."""
     found: dict[str, str] = {}
     for key, value in call.metadata:

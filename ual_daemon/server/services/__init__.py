@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 
 from ual.access.roles import Role
 from ual_daemon.server.services.table import SERVICES
-from ual_daemon.services._derived import ShippedVehicle
+from ual_daemon.services._derived import ServicesVehicle
 
 
-class ShippedService(NamedTuple):
+class ServiceEntry(NamedTuple):
     """One of them, as `ual_daemon.server.server.AddedService`. `access.needed` has their roles."""
 
     name: str
@@ -19,6 +19,6 @@ class ShippedService(NamedTuple):
     roles: Mapping[str, Role] = {}
 
 
-def services(vehicle: ShippedVehicle) -> Sequence[ShippedService]:
+def services(vehicle: ServicesVehicle) -> Sequence[ServiceEntry]:
     """Returns all of them for a UAV. Each refuses with NOT_SUPPORTED what its backend does not offer."""
-    return [ShippedService(name, partial(add, make(vehicle))) for name, add, make in SERVICES]
+    return [ServiceEntry(name, partial(add, make(vehicle))) for name, add, make in SERVICES]

@@ -11,7 +11,7 @@ from ual.v1 import camera_pb2, camera_pb2_grpc, corrections_pb2, corrections_pb2
 from ual.wire import camera, corrections, fence, images
 from ual_daemon.extensions.base import lease_of
 from ual_daemon.server.services.waiting import answer
-from ual_daemon.server.transport.base import Call
+from ual_daemon.server.transport.base import ServedCall
 from ual_daemon.services.cameras import VehicleCameras
 from ual_daemon.services.corrections import CorrectionsStream, VehicleCorrections
 from ual_daemon.services.fence import VehicleFence
@@ -57,7 +57,7 @@ class CorrectionsServiceBase(corrections_pb2_grpc.CorrectionsServiceServicer):
 
 def _caller(context: object) -> str:
     """Returns by what name a program is known that gave none."""
-    call = cast("Call", context)
+    call = cast("ServedCall", context)
     return call.identity or call.peer()
 
 

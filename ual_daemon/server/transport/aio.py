@@ -16,10 +16,10 @@ import grpc
 from typing_extensions import override
 
 from ual_daemon.server.transport.base import (
-    Call,
     MakeCredentials,
     Metadata,
     Options,
+    ServedCall,
     Transport,
     TransportServer,
     name_of_certificate,
@@ -46,7 +46,7 @@ class AioTransport(Transport):
         self._deferral = Deferral()
 
     @override
-    def server(self, options: Options, take: Callable[[Call], None]) -> AioServer:
+    def server(self, options: Options, take: Callable[[ServedCall], None]) -> AioServer:
         return AioServer(options, take, self._deferral)
 
     @override
@@ -61,7 +61,7 @@ class AioServer(TransportServer):
     takes its place; calls that are under way go on.
     """
 
-    def __init__(self, options: Options, take: Callable[[Call], None], deferral: Deferral) -> None:
+    def __init__(self, options: Options, take: Callable[[ServedCall], None], deferral: Deferral) -> None:
         self._options = options
         self._deferral = deferral
         self._handlers = [_AnyMethod(take)]
@@ -139,7 +139,7 @@ def _add(server: grpc.aio.Server, address: str, credentials: MakeCredentials | N
 class _AnyMethod(grpc.GenericRpcHandler):
     """Takes calls of every method: which ones exist is known by who takes them."""
 
-    def __init__(self, take: Callable[[Call], None]) -> None:
+    def __init__(self, take: Callable[[ServedCall], None]) -> None:
         self._take = take
 
     @override
@@ -153,7 +153,7 @@ class _AnyMethod(grpc.GenericRpcHandler):
 
 
 class _End(NamedTuple):
-    """Arguments of `Call.finish`."""
+    """Arguments of `ServedCall.finish`."""
 
     message: bytes | None
     code: grpc.StatusCode
@@ -161,7 +161,7 @@ class _End(NamedTuple):
     metadata: Metadata
 
 
-class _Worker:
+class _OperationWorker:
     """Awaits operations of one kind, one after the other. Its task lives only while there are any."""
 
     def __init__(self) -> None:
@@ -190,7 +190,7 @@ class _Worker:
             self._task = None
 
 
-class AioCall(Call):
+class AioCall(ServedCall):
     """One call of ``grpc.aio``. It lives as long as `run`."""
 
     def __init__(self, method: str, context: _Context) -> None:
@@ -205,7 +205,7 @@ class AioCall(Call):
         self._thread_id = threading.get_ident()
         self._lock = threading.Lock()
         # Everything below belongs to the event loop.
-        self._reader, self._writer = _Worker(), _Worker()
+        self._reader, self._writer = _OperationWorker(), _OperationWorker()
         self._on_received: _OnReceived | None = None
         self._on_sent: _OnSent | None = None
         self._on_cancel: Callable[[], object] | None = None
@@ -213,7 +213,7 @@ class AioCall(Call):
         self._end: asyncio.Future[_End] = self._loop.create_future()
         self._has_ended = False
 
-    async def run(self, take: Callable[[Call], None]) -> None:
+    async def run(self, take: Callable[[ServedCall], None]) -> None:
         """Serves the call, as gRPC's handler of it: until it is finished or cancelled."""
         try:
             _call_back(take, self)

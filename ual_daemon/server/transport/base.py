@@ -1,4 +1,4 @@
-"""Interface of the transports: they serve gRPC on addresses, and hand over each call as a `Call`.
+"""Interface of the transports: they serve gRPC on addresses, and hand over each call as a `ServedCall`.
 
 All callbacks of a transport come from one thread: for `aio` it is the event loop's, for `core` another one. They must
 not block.
@@ -18,7 +18,7 @@ MakeCredentials: TypeAlias = Callable[[], grpc.ServerCredentials]
 """TLS for one address: called once for each that is opened."""
 
 
-class Call(Protocol):
+class ServedCall(Protocol):
     """One call: what is received and sent in it, as bytes.
 
     Its methods may be called from any thread. One `receive` and one `send` may be under way at the same time.
@@ -117,7 +117,7 @@ class Transport(Protocol):
     """Whether its callbacks come on the event loop. Then each message that another thread sends has to wake that."""
 
     @abstractmethod
-    def server(self, options: Options, take: Callable[[Call], None]) -> TransportServer:
+    def server(self, options: Options, take: Callable[[ServedCall], None]) -> TransportServer:
         """Makes a server, with gRPC's options, that hands each call to `take`."""
 
     @abstractmethod

@@ -19,10 +19,10 @@ import grpc._cython.cygrpc as cygrpc
 from typing_extensions import override
 
 from ual_daemon.server.transport.base import (
-    Call,
     MakeCredentials,
     Metadata,
     Options,
+    ServedCall,
     Transport,
     TransportServer,
     name_of_certificate,
@@ -64,7 +64,7 @@ class CoreTransport(Transport):
         self._thread.start()
 
     @override
-    def server(self, options: Options, take: Callable[[Call], None]) -> CoreServer:
+    def server(self, options: Options, take: Callable[[ServedCall], None]) -> CoreServer:
         return CoreServer(self._queue, options, take, self._on_defect, self._deferral)
 
     @override
@@ -114,7 +114,7 @@ class CoreServer(TransportServer):
         self,
         queue: Any,  # noqa: ANN401
         options: Options,
-        take: Callable[[Call], None],
+        take: Callable[[ServedCall], None],
         on_defect: Callable[[Exception], None],
         deferral: Deferral,
     ) -> None:
@@ -195,7 +195,7 @@ class CoreServer(TransportServer):
         stopped.set_result(None)
 
 
-class CoreCall(Call):
+class CoreCall(ServedCall):
     """One call of the core. Its callbacks come on the transport's thread."""
 
     def __init__(self, event: Any, on_defect: Callable[[Exception], None]) -> None:  # noqa: ANN401

@@ -15,7 +15,7 @@ from typing import Any
 
 import grpc
 
-from ual_daemon.server.transport.base import Call, TransportServer
+from ual_daemon.server.transport.base import ServedCall, TransportServer
 from ual_daemon.server.transport.core import CoreTransport
 
 LIMIT_S = 2.0
@@ -73,7 +73,7 @@ class _SelfTest:
         self._channel: grpc.Channel | None = None
         self._server: TransportServer | None = None
         self._transport = CoreTransport(on_defect=self._on_defect)
-        self._methods: dict[str, Callable[[Call], None]] = {
+        self._methods: dict[str, Callable[[ServedCall], None]] = {
             "/ual.SelfTest/Echo": self._echo,
             "/ual.SelfTest/Fail": self._fail,
             "/ual.SelfTest/Stream": self._stream,
@@ -139,19 +139,19 @@ class _SelfTest:
         if self._channel is not None:
             self._channel.close()  # the caller need not wait for its time limit
 
-    def _on_call(self, call: Call) -> None:
+    def _on_call(self, call: ServedCall) -> None:
         self._methods[call.method](call)
 
-    def _echo(self, call: Call) -> None:
+    def _echo(self, call: ServedCall) -> None:
         _require(set(_METADATA) <= set(map(tuple, call.metadata)), "the metadata of a call are missing")
         _require(call.peer().startswith("ipv4:127.0.0.1:"), "the caller's address is missing")
         call.receive(call.finish)
 
-    def _fail(self, call: Call) -> None:
+    def _fail(self, call: ServedCall) -> None:
         error = partial(call.finish, None, grpc.StatusCode.ABORTED, _DETAILS, _METADATA)
         call.receive(lambda _: error())
 
-    def _stream(self, call: Call) -> None:
+    def _stream(self, call: ServedCall) -> None:
         def on_request(request: bytes | None) -> None:
             _require(request == _REQUEST, "a stream has another request")
             call.receive(on_end)

@@ -12,7 +12,7 @@ from typing_extensions import Self, override
 from ual import _calls
 from ual._calls import Call
 from ual._setpoints import EXTERNAL_POSES
-from ual._target import Target
+from ual._target import DaemonTarget
 from ual.aio._connection import Connection
 from ual.aio._derived import SimulationMembers, UavMembers
 from ual.aio._derived_parts import PartMembers, Parts
@@ -58,7 +58,7 @@ class Uav(Uncopied, PartMembers, UavMembers, TaskCommands[Coroutine[Any, Any, Ta
         credentials: Credentials | None = None,
         network: Network | NetworkSettings | str | Path | None = None,
     ) -> None:
-        self._connection = Connection(Target(ns, address, tls_ca, credentials, network))
+        self._connection = Connection(DaemonTarget(ns, address, tls_ca, credentials, network))
         self._lease: Lease | None = None
         self._setpoints = Setpoints(self._connection)
         self._external_poses = Setpoints(self._connection, EXTERNAL_POSES)

@@ -13,7 +13,7 @@ import grpc.aio
 
 from ual import _calls, _forks
 from ual._calls import Call
-from ual._target import SETTLING_S, Route, Stubs, Target
+from ual._target import SETTLING_S, DaemonTarget, Route, Stubs
 from ual.errors import ClientUnusableError, DaemonUnreachableError, UalError
 from ual.v1 import ual_pb2 as pb
 from ual.wire import rpc_errors
@@ -24,7 +24,7 @@ T = TypeVar("T")
 class Connection:
     """Makes calls to the daemon of a target, on one event loop."""
 
-    def __init__(self, target: Target) -> None:
+    def __init__(self, target: DaemonTarget) -> None:
         self.target = target
         self._route: Route | None = None
         self._retired: list[Route] = []

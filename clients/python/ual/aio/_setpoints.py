@@ -8,7 +8,7 @@ from typing import Any
 
 import grpc.aio
 
-from ual._setpoints import CLOSE_S, CONTINUES_S, SETPOINTS, STALE_S, Element, Kind, log_settled
+from ual._setpoints import CLOSE_S, CONTINUES_S, SETPOINTS, STALE_S, Element, StreamKind, log_settled
 from ual.aio._connection import Connection
 from ual.errors import DaemonUnreachableError, UalError
 
@@ -19,7 +19,7 @@ _LOST_STATUS = "Internal error from Core"
 class Setpoints:
     """Sends setpoints; skips those that a newer one has replaced."""
 
-    def __init__(self, connection: Connection, kind: Kind = SETPOINTS) -> None:
+    def __init__(self, connection: Connection, kind: StreamKind = SETPOINTS) -> None:
         self._kind = kind
         self._connection = connection
         self._accepted_s: float | None = None
@@ -72,7 +72,9 @@ class Setpoints:
 class _Stream:
     """One stream of setpoints, written by a task of its own: the newest waits, those between are dropped."""
 
-    def __init__(self, connection: Connection, on_end: Callable[[_Stream, UalError | None], None], kind: Kind) -> None:
+    def __init__(
+        self, connection: Connection, on_end: Callable[[_Stream, UalError | None], None], kind: StreamKind
+    ) -> None:
         self._kind = kind
         self.is_ending = self.has_lost_status = False
         self._connection = connection

@@ -49,7 +49,7 @@ QUESTIONS = (
 
 
 @dataclass
-class _Seen:
+class _MovedControls:
     """Axes that were moved, and buttons that were pressed, since all was at rest."""
 
     extremes: dict[int, float] = field(default_factory=dict)
@@ -78,7 +78,7 @@ class Mapper:
     def __init__(self, guid: str, name: str, rest: RawState) -> None:
         self._guid, self._name, self._rest = guid, name, rest
         self._answers: list[str | None] = []
-        self._seen = _Seen()
+        self._seen = _MovedControls()
         self.note = ""
         """Why the last answer was not taken, if it was not."""
         _require_rest(rest)
@@ -94,8 +94,8 @@ class Mapper:
             return
         if not self._is_at_rest(state):
             self._look(state)
-        elif self._seen != _Seen():
-            seen, self._seen = self._seen, _Seen()
+        elif self._seen != _MovedControls():
+            seen, self._seen = self._seen, _MovedControls()
             self._answer(self.question.target, seen)
 
     def skip(self) -> None:
@@ -128,7 +128,7 @@ class Mapper:
             (number, _HAT_DIRECTIONS[hat]) for number, hat in enumerate(state.hats) if hat in _HAT_DIRECTIONS
         }
 
-    def _answer(self, target: Axis | Button, seen: _Seen) -> None:
+    def _answer(self, target: Axis | Button, seen: _MovedControls) -> None:
         """Takes what was moved as the answer, if it is one thing and not another's."""
         found = self._found(target, seen)
         if len(found) != 1:
@@ -138,7 +138,7 @@ class Mapper:
         else:
             self._on_answer(found[0])
 
-    def _found(self, target: Axis | Button, seen: _Seen) -> list[str]:
+    def _found(self, target: Axis | Button, seen: _MovedControls) -> list[str]:
         """Returns the bindings that may be meant. Some triggers are an axis and a button at once."""
         axes = self._moved_axes(target, seen)
         if isinstance(target, Axis) and (axes or not target.is_trigger):
@@ -146,7 +146,7 @@ class Mapper:
         buttons = [f"b{number}" for number in sorted(seen.buttons)]
         return buttons or [f"h{number}.{direction}" for number, direction in sorted(seen.hats)] or axes
 
-    def _moved_axes(self, target: Axis | Button, seen: _Seen) -> list[str]:
+    def _moved_axes(self, target: Axis | Button, seen: _MovedControls) -> list[str]:
         ways = {number: value - self._rest.axes[number] for number, value in seen.extremes.items()}
         is_stick = isinstance(target, Axis) and not target.is_trigger
         return [self._axis(number, way, is_stick=is_stick) for number, way in ways.items() if abs(way) > _MOVED]

@@ -15,7 +15,7 @@ from ual.missions.items import CameraAction, CameraTrigger
 from ual.routes import _commands as commands
 from ual.routes import _json
 from ual.routes._mission import Firmware, from_north
-from ual.routes._mission import Item as FileItem
+from ual.routes._mission import RouteItem as FileItem
 from ual.routes._route import FaultError, geo_waypoint
 from ual.types import AltitudeReference
 
@@ -55,7 +55,7 @@ def items_on_autopilot(found: Sequence[Command], first_seq: int, *, is_ardupilot
         FileItem(str(index + 1), each.command, each.frame, each.params, index + first_seq)
         for index, each in enumerate(found)
     ]
-    return _Reader(read, firmware, None).items_or_others()
+    return _MissionReader(read, firmware, None).items_or_others()
 
 
 def items_of_file(
@@ -67,11 +67,11 @@ def items_of_file(
     """
     if not found:
         raise FaultError("has no items")
-    reader = _Reader(found, firmware, home)
+    reader = _MissionReader(found, firmware, home)
     return reader.items(), reader.left_out
 
 
-class _Reader:
+class _MissionReader:
     def __init__(self, found: Sequence[FileItem], firmware: Firmware, home: Place | None) -> None:
         self._found, self._firmware, self._home = found, firmware, home
         self._indices = {item.jump_id: index for index, item in enumerate(found)}

@@ -32,13 +32,13 @@ _MOST_NAMED = 5
 
 
 @dataclass(slots=True)
-class _Told:
+class _RosterReport:
     report: UavReport
     heard_s: float
 
 
 @dataclass(slots=True)
-class _Process:
+class _RosterProcess:
     """State of one process: the times of its signs of life, and its reports."""
 
     since_s: float
@@ -48,7 +48,7 @@ class _Process:
     heard_s: float = 0.0
     teller: Teller | None = None
     most_at_once: int = 1
-    uavs: dict[str, _Told] = field(default_factory=dict)
+    uavs: dict[str, _RosterReport] = field(default_factory=dict)
 
     @property
     def absent_s(self) -> float | None:
@@ -89,7 +89,7 @@ class Roster:
 
     def __init__(self, drop: Callable[[str, str], None]) -> None:
         self._drop = drop
-        self._processes: dict[str, dict[Source, _Process]] = {}
+        self._processes: dict[str, dict[Source, _RosterProcess]] = {}
         """By publisher."""
         self._unannounced: dict[str, set[Source]] = {}
         """Sources that report without a sign of life, by publisher."""
@@ -107,7 +107,7 @@ class Roster:
         if source.publisher not in self._processes and len(self._processes) >= MOST_PUBLISHERS:
             self._drop(source.publisher, f"more than {MOST_PUBLISHERS} daemons: {source.publisher} is not shown")
         elif (since_s := self._make_room(source.publisher, now_s)) is not None:
-            self._processes.setdefault(source.publisher, {})[source] = _Process(since_s)
+            self._processes.setdefault(source.publisher, {})[source] = _RosterProcess(since_s)
 
     def _make_room(self, publisher: str, now_s: float) -> float | None:
         """Makes room for one more process of a publisher: of the one that is gone for longest, or was never heard.
@@ -145,7 +145,7 @@ class Roster:
                     source.publisher, f"{source.publisher} tells of {uav.ns}, for which it may not speak: dropped"
                 )
             elif uav.ns in process.uavs or len(process.uavs) < MOST_UAVS:
-                process.uavs[uav.ns] = _Told(uav, now_s)
+                process.uavs[uav.ns] = _RosterReport(uav, now_s)
 
     def look(self, now_s: float) -> bool:
         """Takes note of the time. Returns whether a process has become gone by it, because it tells nothing."""
@@ -163,7 +163,7 @@ class Roster:
             if not of:
                 del self._unannounced[source.publisher]
 
-    def _all(self) -> Iterator[tuple[Source, _Process]]:
+    def _all(self) -> Iterator[tuple[Source, _RosterProcess]]:
         for of in self._processes.values():
             yield from of.items()
 
@@ -240,7 +240,7 @@ class Roster:
                 del self._processes[publisher]
 
 
-def _uav(source: Source, process: _Process, ns: str) -> NetworkUav:
+def _uav(source: Source, process: _RosterProcess, ns: str) -> NetworkUav:
     told, teller = process.uavs[ns], process.teller
     assert teller is not None
     return NetworkUav(

@@ -60,7 +60,7 @@ class EquipmentTopic:
         output.write(self._topic, data, entry.log_ns, entry.log_ns)
 
 
-class Carried:
+class PayloadRecorder:
     """Records what one UAV carries, from `start` to `close`. Threads of its own ask, and end where there is nothing.
 
     Args:

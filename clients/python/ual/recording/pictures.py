@@ -87,7 +87,7 @@ class PictureFigures(NamedTuple):
     """Why the last one of these is without."""
 
 
-class Pictures:
+class PictureRecorder:
     """Records the pictures that a UAV takes from `start` to `close`. One thread asks its cameras, and waits for them.
 
     A camera that takes them faster than they come through is behind. What has not come at the end is counted.

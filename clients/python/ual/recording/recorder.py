@@ -68,7 +68,7 @@ _JUMP_S = 10.0
 """Least step in seconds that counts as a jump of the computer's clock; slewing within a file amounts to less."""
 
 
-class Clock:
+class SteadyUtc:
     """UTC that does not jump within a file: it is read once, and goes on with the computer's monotonic clock."""
 
     def __init__(self) -> None:
@@ -131,7 +131,7 @@ class Recorder:
             OSError: The directory or the file cannot be made.
 
         """
-        self.clock = Clock()
+        self.clock = SteadyUtc()
         self._directory = directory
         self._name = name
         self._turnover = turnover or Turnover()

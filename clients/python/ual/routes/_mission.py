@@ -45,7 +45,7 @@ class Firmware(Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class Item:
+class RouteItem:
     """One item; `params` are the seven as the file has them: numbers, None, or what is no number."""
 
     number: str
@@ -71,7 +71,7 @@ class Item:
         return self.param(number) or 0.0
 
 
-def at_most(most: int, items: Iterable[Item]) -> Iterator[Item]:
+def at_most(most: int, items: Iterable[RouteItem]) -> Iterator[RouteItem]:
     """Yields items, and raises `FaultError` at once where there are more than `most`."""
     for count, item in enumerate(items):
         if count >= most:
@@ -79,7 +79,7 @@ def at_most(most: int, items: Iterable[Item]) -> Iterator[Item]:
         yield item
 
 
-def fly(items: Sequence[Item], firmware: Firmware) -> Route:
+def fly(items: Sequence[RouteItem], firmware: Firmware) -> Route:
     """Returns the way of a mission. Raises `FaultError`, with the number of the item that cannot be flown."""
     return _Flight(items, firmware).route()
 
@@ -87,18 +87,18 @@ def fly(items: Sequence[Item], firmware: Firmware) -> Route:
 class _Flight:
     """Carries out items. A change of speed applies to all waypoints after it."""
 
-    def __init__(self, items: Sequence[Item], firmware: Firmware) -> None:
+    def __init__(self, items: Sequence[RouteItem], firmware: Firmware) -> None:
         self._items, self._firmware = items, firmware
         self._indices = _indices(items)
         self._jumps: Counter[int] = Counter()
         self._speed_m_s = 0.0
-        self._condition: Item | None = None
+        self._condition: RouteItem | None = None
         self._first_yaw_rad: float | None = None
         self._waypoints: list[GeoWaypoint] = []
         self._speeds_m_s: list[float] = []
         self._holds_s: list[float] = []
         self._left_out: dict[str, dict[str, None]] = {}
-        self._actions: Mapping[int, Callable[[Item], None]] = {
+        self._actions: Mapping[int, Callable[[RouteItem], None]] = {
             commands.WAYPOINT: self._waypoint,
             commands.LOITER_TIME: self._waypoint,
             commands.LOITER_UNLIMITED: self._waypoint,
@@ -128,7 +128,7 @@ class _Flight:
         speeds = self._speeds_m_s if any(self._speeds_m_s) else []
         return Route(self._waypoints, speeds, left_out, self._holds_s if any(self._holds_s) else ())
 
-    def _carry_out(self, item: Item, index: int) -> None:
+    def _carry_out(self, item: RouteItem, index: int) -> None:
         action = self._actions.get(item.command)
         if action is not None:
             action(item)
@@ -139,7 +139,7 @@ class _Flight:
         if (end := self._end_of(item)) is not None:
             self._require_last(item, index, end)
 
-    def _end_of(self, item: Item) -> str | None:
+    def _end_of(self, item: RouteItem) -> str | None:
         """Returns why nothing can be flown after an item; None where the mission goes on."""
         if item.command in _ENDS:
             return f"it is a {_ENDS[item.command]}, which ends a path"
@@ -149,7 +149,7 @@ class _Flight:
             return "the plan waits there for an operator (autoContinue is false)"
         return None
 
-    def _waypoint(self, item: Item) -> None:
+    def _waypoint(self, item: RouteItem) -> None:
         self._condition = None
         waypoint = self._position(item)
         if not self._waypoints and waypoint.yaw_rad is None:
@@ -158,7 +158,7 @@ class _Flight:
         if item.command == commands.WAYPOINT and (item.amount(2) or item.amount(3)):
             self._leave_out(item, "the radius within which it is passed (the corner radius says how corners are flown)")
 
-    def _position(self, item: Item) -> GeoWaypoint:
+    def _position(self, item: RouteItem) -> GeoWaypoint:
         reference = _ABOVE.get(item.frame)
         if reference is None:
             kind = _FRAMES.get(item.frame, "another one")
@@ -175,7 +175,7 @@ class _Flight:
             raise FaultError("altitude 0 is for ArduPilot that of the waypoint before: give the altitude", item.where)
         return geo_waypoint(latitude_deg, longitude_deg, altitude_m, reference, item.where, self._yaw_rad(item))
 
-    def _yaw_rad(self, item: Item) -> float | None:
+    def _yaw_rad(self, item: RouteItem) -> float | None:
         """Returns the heading at a waypoint, which ArduCopter ignores; a loiter with a time has one for PX4 only."""
         yaw_deg = item.param(4)
         if yaw_deg is None or (item.command == commands.LOITER_TIME and self._firmware is not Firmware.PX4):
@@ -186,7 +186,7 @@ class _Flight:
             return None
         return from_north(yaw_deg)
 
-    def _add(self, waypoint: GeoWaypoint, hold_s: float, item: Item) -> None:
+    def _add(self, waypoint: GeoWaypoint, hold_s: float, item: RouteItem) -> None:
         """Adds a waypoint. One at the place of the one before is only a longer stay there."""
         before = self._waypoints[-1] if self._waypoints else None
         if before and is_same_place(before, waypoint) and waypoint.yaw_rad in (None, before.yaw_rad):
@@ -197,25 +197,25 @@ class _Flight:
         self._holds_s.append(0.0)
         self._hold(hold_s, item)
 
-    def _hold(self, hold_s: float, item: Item) -> None:
+    def _hold(self, hold_s: float, item: RouteItem) -> None:
         self._holds_s[-1] += hold_s
         if self._holds_s[-1] > MOST_HOLD_S:
             raise FaultError(f"it holds for {self._holds_s[-1]:g} s; a path may hold for {MOST_HOLD_S:g} s", item.where)
 
-    def _end(self, item: Item) -> None:
+    def _end(self, item: RouteItem) -> None:
         self._leave_out(item, _ENDS[item.command])
 
-    def _require_last(self, item: Item, index: int, why: str) -> None:
+    def _require_last(self, item: RouteItem, index: int, why: str) -> None:
         for later in self._items[index + 1 :]:
             if commands.is_moving(later.command):
                 raise FaultError(f"{why}, but item {later.number} flies on: fly the plan in parts", item.where)
 
-    def _take_off(self, item: Item) -> None:
+    def _take_off(self, item: RouteItem) -> None:
         if self._waypoints:
             raise FaultError("it is a take-off amid the plan: fly the plan in parts", item.where)
         self._leave_out(item, "take-off")
 
-    def _delay(self, item: Item) -> None:
+    def _delay(self, item: RouteItem) -> None:
         seconds = item.amount(1)
         if seconds <= 0.0:
             if self._firmware is not Firmware.PX4:  # which reads the first parameter only
@@ -227,11 +227,11 @@ class _Flight:
         else:
             self._leave_out(item, f"a delay of {seconds:g} s before the first waypoint")
 
-    def _delay_others(self, item: Item) -> None:
+    def _delay_others(self, item: RouteItem) -> None:
         self._condition = item
         self._leave_out(item, "what its camera or payload waits for")
 
-    def _change_speed(self, item: Item) -> None:
+    def _change_speed(self, item: RouteItem) -> None:
         self._require_no_condition(item)
         if item.amount(1) not in _SPEEDS_ALONG:
             raise FaultError("it sets the speed of climbs or descents; a path has one speed for each leg", item.where)
@@ -243,7 +243,7 @@ class _Flight:
         elif self._firmware is Firmware.PX4 or (self._firmware is Firmware.OTHER and speed_m_s != _NO_CHANGE):
             self._speed_m_s = 0.0  # back to the vehicle's own; ArduPilot changes nothing
 
-    def _turn(self, item: Item) -> None:
+    def _turn(self, item: RouteItem) -> None:
         """Turns at the waypoint before; before the first one, on the way there."""
         self._require_no_condition(item)
         if item.amount(4):
@@ -258,7 +258,7 @@ class _Flight:
         if item.amount(2) or item.amount(3):
             self._leave_out(item, "the rate and the side of the turn (flown by the smaller angle)")
 
-    def _require_no_condition(self, item: Item) -> None:
+    def _require_no_condition(self, item: RouteItem) -> None:
         if self._condition is not None:
             raise FaultError(
                 f"it takes effect amid a leg (item {self._condition.number} delays it); UAL changes speed and heading "
@@ -266,7 +266,7 @@ class _Flight:
                 item.where,
             )
 
-    def _jump(self, item: Item, index: int) -> int:
+    def _jump(self, item: RouteItem, index: int) -> int:
         target, times = (_json.whole(item.params[i], f"parameter {i + 1}", item.where) for i in (0, 1))
         if target not in self._indices:
             raise FaultError(f"it jumps to item {target}, which there is not", item.where)
@@ -277,17 +277,17 @@ class _Flight:
         self._jumps[index] += 1  # never set back: PX4 and ArduPilot count each jump over the whole mission
         return self._indices[target]
 
-    def _leave_out(self, item: Item, what: str) -> None:
+    def _leave_out(self, item: RouteItem, what: str) -> None:
         self._left_out.setdefault(what, {})[item.number] = None
 
 
-def _indices(items: Sequence[Item]) -> Mapping[int, int]:
+def _indices(items: Sequence[RouteItem]) -> Mapping[int, int]:
     """Returns at which index the target of a jump is: by the items' numbers for jumps, else by their order from 1."""
     found = {item.jump_id: index for index, item in enumerate(items)}
     return found if len(found) == len(items) else {index + 1: index for index in range(len(items))}
 
 
-def _ends_interest(item: Item) -> bool:
+def _ends_interest(item: RouteItem) -> bool:
     return item.command in (commands.SET_ROI, commands.NAV_ROI) and not any(map(_is_given, item.params))
 
 
@@ -295,7 +295,7 @@ def _is_given(value: object) -> bool:
     return value is not None and value != 0.0
 
 
-def _not_flown(item: Item) -> FaultError:
+def _not_flown(item: RouteItem) -> FaultError:
     what = commands.NOT_FLOWN.get(item.command)
     if what is None:
         return FaultError(

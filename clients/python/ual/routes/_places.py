@@ -25,7 +25,7 @@ class Heights:
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class LinePlace:
     """One place of a line; `where` names it in messages."""
 
     where: str
@@ -61,7 +61,7 @@ def counted(counts: Sequence[tuple[int, str]]) -> str:
 
 
 def route(
-    places: Sequence[Place], reference: AltitudeReference | None, heights: Heights, left_out: Sequence[str]
+    places: Sequence[LinePlace], reference: AltitudeReference | None, heights: Heights, left_out: Sequence[str]
 ) -> Route:
     """Returns the route through places whose altitudes count from `reference`. Raises `FaultError`.
 
@@ -86,7 +86,7 @@ def route(
     return Route(_waypoints(places, wanted), (), left_out)
 
 
-def _waypoints(places: Sequence[Place], reference: AltitudeReference) -> list[GeoWaypoint]:
+def _waypoints(places: Sequence[LinePlace], reference: AltitudeReference) -> list[GeoWaypoint]:
     """Returns a waypoint for each place, but one for those at the same place in a row (a track that stands still)."""
     found: list[GeoWaypoint] = []
     for place in places:

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from ual.routes import _json
-from ual.routes._mission import MOST_ITEMS, Firmware, Item, at_most, fly
+from ual.routes._mission import MOST_ITEMS, Firmware, RouteItem, at_most, fly
 from ual.routes._route import FaultError, Route, naming
 from ual.shared.numbers import shown
 
@@ -79,7 +79,7 @@ def planned_home(document: object) -> tuple[float, float] | None:
     return latitude_deg, longitude_deg
 
 
-def items_of(document: object, most: int = MOST_ITEMS) -> tuple[list[Item], Firmware]:
+def items_of(document: object, most: int = MOST_ITEMS) -> tuple[list[RouteItem], Firmware]:
     """Returns the items of a plan, and for whose autopilot it was made. Raises `FaultError`, also where there are more
     than `most` items.
     """
@@ -118,7 +118,7 @@ def _holds(part: object, key: str) -> bool:
     return isinstance(part, Mapping) and bool(part.get(key))
 
 
-def _items(items: Sequence[object], prefix: str, depth: int = 0) -> Iterator[Item]:
+def _items(items: Sequence[object], prefix: str, depth: int = 0) -> Iterator[RouteItem]:
     """Yields the items in their order, those of surveys too: ``3.2`` is the second of item 3."""
     if depth > _MOST_DEPTH:
         raise FaultError(_NO_FORMAT, f"item {prefix}")
@@ -141,7 +141,7 @@ def _parts(item: Mapping[str, object], number: str) -> Sequence[object]:
     return inner
 
 
-def _simple(item: Mapping[str, object], number: str) -> Item:
+def _simple(item: Mapping[str, object], number: str) -> RouteItem:
     where = f"item {number}"
     _json.require_spelled(item, _ITEM_KEYS, where)
     command, frame = (_json.whole(item.get(key), key, where) for key in ("command", "frame"))
@@ -151,7 +151,7 @@ def _simple(item: Mapping[str, object], number: str) -> Item:
     if not isinstance(goes_on, bool):
         raise FaultError(f"autoContinue is {shown(goes_on)}, neither true nor false", where)
     _require_one_altitude(item, frame, params[6], where)
-    return Item(
+    return RouteItem(
         number,
         command,
         _frame(item, frame, where),

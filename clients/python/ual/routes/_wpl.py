@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from ual.routes import _commands as commands
-from ual.routes._mission import MOST_ITEMS, Firmware, Item, at_most, fly
+from ual.routes._mission import MOST_ITEMS, Firmware, RouteItem, at_most, fly
 from ual.routes._route import FaultError, Route
 from ual.shared.numbers import are_commas_decimal, parse_number, shown, with_point
 from ual.shared.text import lines_of
@@ -28,7 +28,7 @@ def read(text: str) -> Route:
     return replace(route, left_out=[HOME, *route.left_out]) if has_home else route
 
 
-def items_of(text: str, most: int = MOST_ITEMS) -> tuple[list[Item], Firmware, bool]:
+def items_of(text: str, most: int = MOST_ITEMS) -> tuple[list[RouteItem], Firmware, bool]:
     """Returns the items of a file without its home, for whose autopilot it was made, and whether it has a home.
     Raises `FaultError`, also where there are more than `most` items.
     """
@@ -48,14 +48,14 @@ def items_of(text: str, most: int = MOST_ITEMS) -> tuple[list[Item], Firmware, b
     return items[1:] if has_home else items, firmware, has_home
 
 
-def _is_home(item: Item, version: str) -> bool:
+def _is_home(item: RouteItem, version: str) -> bool:
     """Returns whether it is the item 0 in which ArduPilot keeps its home, and by which QGroundControl reads version
     110.
     """
     return version == "110" and item.jump_id == 0 and item.command == commands.WAYPOINT
 
 
-def _items(lines: list[tuple[int, str]]) -> Iterator[Item]:
+def _items(lines: list[tuple[int, str]]) -> Iterator[RouteItem]:
     is_decimal = are_commas_decimal(field for _, line in lines if not line.startswith("#") for field in line.split())
     for number, line in lines:
         if not line.startswith("#"):
@@ -67,7 +67,7 @@ def _optional(field: str) -> float | None:
     return None if field.lower().lstrip("-") == "nan" else parse_number(field)
 
 
-def _item(line: str, where: str, *, is_decimal: bool) -> Item:
+def _item(line: str, where: str, *, is_decimal: bool) -> RouteItem:
     fields = line.split()
     if len(fields) != _COLUMNS:
         raise FaultError(f"{shown(line)} has {len(fields)} columns, not {_COLUMNS}", where)
@@ -83,4 +83,6 @@ def _item(line: str, where: str, *, is_decimal: bool) -> Item:
         raise FaultError(f"{shown(line)} has fractions in its number, frame or command", where)
     if {current, goes_on} - {0.0, 1.0}:
         raise FaultError(f"{shown(line)} has neither 0 nor 1 in its second or last column", where)
-    return Item(str(int(index)), int(command), int(frame), params, int(index), waits=not goes_on, line=f"{where}, ")
+    return RouteItem(
+        str(int(index)), int(command), int(frame), params, int(index), waits=not goes_on, line=f"{where}, "
+    )

@@ -38,7 +38,7 @@ class Callbacks:
         self.calling_thread_ids: set[int] = set()
         """The threads that are running a callback now."""
         self._lock = threading.Lock()
-        self._shared: _Worker | None = None
+        self._shared: _CallbackWorker | None = None
 
     def open(self, callback: Callable[[Telemetry], None]) -> Listener:
         """Returns a listener, which calls back with each sample that is put into it.
@@ -54,7 +54,7 @@ class Callbacks:
                 "callback: a coroutine function is never awaited here; use ual.aio.Uav", {"field": "callback"}
             )
         with self._lock:
-            worker = self._shared = self._shared or _Worker()
+            worker = self._shared = self._shared or _CallbackWorker()
             listener = Listener(callback, worker, self)
             worker.listeners.add(listener)
         return listener
@@ -66,13 +66,13 @@ class Callbacks:
         with self._lock:  # keeps the listener from moving to another worker meanwhile
             listener.worker.add(listener)
 
-    def separate_slow(self, worker: _Worker) -> None:
+    def separate_slow(self, worker: _CallbackWorker) -> None:
         """Leaves the worker to the callback that it is running, and moves its other listeners to a new worker."""
         with self._lock:
             slow = worker.current
             if slow is None or worker.listeners <= {slow}:
                 return
-            new = _Worker()
+            new = _CallbackWorker()
             if worker is self._shared:
                 self._shared = new
             new.listeners = worker.listeners - {slow}
@@ -101,7 +101,7 @@ class Listener:
     Only one thread at a time may call `put` or `offer`.
     """
 
-    def __init__(self, callback: Callable[[Telemetry], None], worker: _Worker, group: Callbacks) -> None:
+    def __init__(self, callback: Callable[[Telemetry], None], worker: _CallbackWorker, group: Callbacks) -> None:
         self.worker = worker
         self._callback = callback
         self._group = group
@@ -202,7 +202,7 @@ class Listener:
             _log.warning("the callback of a telemetry subscription failed %d times", self._failures_count)
 
 
-class _Worker:
+class _CallbackWorker:
     """A thread that runs callbacks, one after the other. The group's lock guards `listeners`."""
 
     def __init__(self) -> None:

@@ -35,7 +35,7 @@ class Router:
 
 
 @dataclass(frozen=True, slots=True)
-class Site:
+class NetworkSite:
     """A network: its name, its routers, and who may publish and who may listen, by the names in certificates."""
 
     name: str
@@ -44,7 +44,7 @@ class Site:
     observers: Sequence[str] = ()
 
 
-def write(directory: Path, site: Site) -> list[Path]:
+def write(directory: Path, site: NetworkSite) -> list[Path]:
     """Writes all files anew, beside the certificates. Returns them.
 
     Raises:
@@ -57,7 +57,7 @@ def write(directory: Path, site: Site) -> list[Path]:
     return written + [_write_member(directory, site, name) for name in (*site.uavs, *site.observers)]
 
 
-def _check(directory: Path, site: Site) -> None:
+def _check(directory: Path, site: NetworkSite) -> None:
     names = [*(each.name for each in site.routers), *site.uavs, *site.observers]
     twice = {name for name in names if names.count(name) > 1}
     if twice:
@@ -69,7 +69,7 @@ def _check(directory: Path, site: Site) -> None:
         certificates.files(directory, name).certificate.stat()
 
 
-def _settings(site: Site, name: str, connect: Sequence[Router]) -> NetworkSettings:
+def _settings(site: NetworkSite, name: str, connect: Sequence[Router]) -> NetworkSettings:
     """Returns the settings of a member. Its files are named without a directory: they are carried to its computer."""
     files = certificates.files(Path(), name)
     return NetworkSettings(
@@ -81,7 +81,7 @@ def _settings(site: Site, name: str, connect: Sequence[Router]) -> NetworkSettin
     )
 
 
-def _write_router(directory: Path, site: Site, number: int) -> Path:
+def _write_router(directory: Path, site: NetworkSite, number: int) -> Path:
     """Writes the file of a router; it connects to those before it."""
     router = site.routers[number]
     config = configuration.router(
@@ -95,7 +95,7 @@ def _write_router(directory: Path, site: Site, number: int) -> Path:
     return _replace(directory / f"{router.name}.router.json5", json.dumps(config, indent=2) + "\n")
 
 
-def _write_member(directory: Path, site: Site, name: str) -> Path:
+def _write_member(directory: Path, site: NetworkSite, name: str) -> Path:
     settings = _settings(site, name, site.routers)
     lines = (
         f"# How {name} joins the network (docs/how-to/network.md).",

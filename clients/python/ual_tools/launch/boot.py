@@ -6,7 +6,7 @@ import shlex
 
 from ual.types import State
 from ual_tools.launch.flying import SENDS_NOTHING
-from ual_tools.launch.team import AtEnd, Condition, Program, Team
+from ual_tools.launch.team import AtEnd, Program, ReadyCondition, Team
 
 RUNTIME_DIR = "/run/ual"
 """Folder in which daemons of services register: the same for all users."""
@@ -23,16 +23,16 @@ def test_of(program: Program, ual: str) -> str | None:
         CannotExpressError: It is ready by a line of its log, which only `ual launch` reads.
     """
     condition, value = program.ready.condition, program.ready.value
-    if condition is Condition.LOG:
+    if condition is ReadyCondition.LOG:
         raise CannotExpressError(
             f"{program.name}: ready by log: only `ual launch` itself reads its output; use port or file"
         )
-    if condition is Condition.PORT:
+    if condition is ReadyCondition.PORT:
         host, _, port = value.rpartition(":")
         return f": < /dev/tcp/{host.strip('[]')}/{port}"
-    if condition is Condition.FILE:
+    if condition is ReadyCondition.FILE:
         return f"test -e {shlex.quote(value)}"
-    if condition is Condition.SERVING:
+    if condition is ReadyCondition.SERVING:
         return f"{shlex.quote(ual)} --ns {program.ns} state | grep -qv UNINITIALIZED"
     return None
 

@@ -13,7 +13,7 @@ from ual.errors import InvalidArgumentError, NotSupportedError
 from ual.shared import whole_file
 from ual_tools.app import command
 from ual_tools.help import Section
-from ual_tools.session import Session, note, pass_session
+from ual_tools.session import CommandSession, note, pass_session
 from ual_tools.strict_yaml.loading import WRONG_FILE, loaded
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ _FAILED = 1
     "--compose", type=click.Path(dir_okay=False, path_type=Path), metavar="FILE", help="Write a compose file instead."
 )
 @pass_session
-def launch(session: Session, file: Path, is_shown: bool, systemd: Path | None, compose: Path | None) -> None:
+def launch(session: CommandSession, file: Path, is_shown: bool, systemd: Path | None, compose: Path | None) -> None:
     """Run a team: daemons, and programs beside them.
 
     Ctrl-C lands the UAVs that this team flies, then ends all programs. Ctrl-C again holds them and ends at once; a
@@ -94,10 +94,10 @@ def _run(team: Team) -> None:
     _refuse_running(team)
 
     from ual_tools.launch import run
-    from ual_tools.launch.log import Log
+    from ual_tools.launch.log import TeamLog
 
     logging.getLogger("ual").addHandler(logging.NullHandler())  # the log of the team says what a lost daemon means
-    with Log([each.name for each in team.programs]) as log:
+    with TeamLog([each.name for each in team.programs]) as log:
         is_good = asyncio.run(run.run(team, log))
     if not is_good:
         raise click.exceptions.Exit(_FAILED)

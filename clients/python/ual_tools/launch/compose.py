@@ -8,7 +8,7 @@ import yaml
 
 from ual_tools import __version__
 from ual_tools.launch.boot import RUNTIME_DIR, CannotExpressError, landing_of, test_of
-from ual_tools.launch.team import Condition, Program, Team
+from ual_tools.launch.team import Program, ReadyCondition, Team
 
 IMAGE = f"ual:{__version__}"
 """Image that deploy/container/build makes."""
@@ -81,7 +81,7 @@ def _own_image(program: Program) -> str:
 
 def _test(program: Program) -> list[str] | None:
     """Returns the command of the health check. A daemon's is a small program of its image: it runs in flight, too."""
-    if program.ready.condition is Condition.SERVING:
+    if program.ready.condition is ReadyCondition.SERVING:
         return ["CMD", "env", f"UAL_NS={program.ns}", "ual-health"]
     test = test_of(program, "ual")
     return None if test is None else ["CMD", "bash", "-c", test]
@@ -94,9 +94,9 @@ def _start_s(program: Program) -> int:
 
 def _condition(team: Team, name: str) -> str:
     program = next(each for each in team.programs if each.name == name)
-    if program.ready.condition is Condition.EXIT:
+    if program.ready.condition is ReadyCondition.EXIT:
         return "service_completed_successfully"
-    return "service_started" if program.ready.condition is Condition.STARTED else "service_healthy"
+    return "service_started" if program.ready.condition is ReadyCondition.STARTED else "service_healthy"
 
 
 def _escaped(value: object) -> object:

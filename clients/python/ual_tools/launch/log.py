@@ -32,7 +32,7 @@ def plain(line: str) -> str:
     return _CONTROL.sub("", line)
 
 
-class Log:
+class TeamLog:
     """Writes lines to stdout. On a terminal, the states of all programs stand below the last line.
 
     A thread of its own writes: a terminal that is stopped, or a link that is slow, must not keep the UAVs from landing.

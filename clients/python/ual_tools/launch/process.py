@@ -9,7 +9,7 @@ import signal
 from functools import partial
 from typing import IO
 
-from ual_tools.launch.log import Log
+from ual_tools.launch.log import TeamLog
 from ual_tools.launch.log_file import LogFile
 from ual_tools.launch.ready import LogWatch
 from ual_tools.launch.team import Program
@@ -20,10 +20,10 @@ _REST_S = 1.0
 """Seconds for which the last lines of a program that has ended are awaited."""
 
 
-class Process:
+class TeamProcess:
     """A program that has been started. `pid` is also that of its session and of its process group."""
 
-    def __init__(self, program: Program, process: asyncio.subprocess.Process, log: Log) -> None:
+    def __init__(self, program: Program, process: asyncio.subprocess.Process, log: TeamLog) -> None:
         self.program = program
         self.watch = LogWatch(program)
         self._process = process
@@ -31,7 +31,7 @@ class Process:
         self._reading: asyncio.Task[None] | None = None
 
     @classmethod
-    async def start(cls, program: Program, log: Log) -> Process:
+    async def start(cls, program: Program, log: TeamLog) -> TeamProcess:
         """Starts a program.
 
         Raises:

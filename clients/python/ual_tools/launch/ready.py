@@ -10,7 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from ual import discovery
-from ual_tools.launch.team import Condition, Program
+from ual_tools.launch.team import Program, ReadyCondition
 
 _LOOK_S = 0.05
 """Seconds between two looks at a port, a file and a registration: the system does not announce them."""
@@ -23,7 +23,7 @@ class LogWatch:
     """Sees the lines of a program, and is set once one of them matches."""
 
     def __init__(self, program: Program) -> None:
-        is_asked = program.ready.condition is Condition.LOG
+        is_asked = program.ready.condition is ReadyCondition.LOG
         self._pattern = re.compile(program.ready.value) if is_asked else None
         self.seen = asyncio.Event()
 
@@ -36,15 +36,15 @@ class LogWatch:
 async def until_ready(program: Program, pid: int, log: LogWatch) -> None:
     """Returns when the program is ready. A program that is ready when it has ended with 0 is its caller's matter."""
     condition, value = program.ready.condition, program.ready.value
-    if condition is Condition.PORT:
+    if condition is ReadyCondition.PORT:
         await _until_open(value)
-    elif condition is Condition.FILE:
+    elif condition is ReadyCondition.FILE:
         await _until(Path(value).exists)
-    elif condition is Condition.LOG:
+    elif condition is ReadyCondition.LOG:
         await log.seen.wait()
-    elif condition is Condition.EXIT:
+    elif condition is ReadyCondition.EXIT:
         await asyncio.Event().wait()
-    elif condition is Condition.SERVING:
+    elif condition is ReadyCondition.SERVING:
         await _until_serving(await address_of(program.ns, pid))
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from ual_tools.launch import descendants
 from ual_tools.launch.flying import IN_THE_AIR, abort, land
-from ual_tools.launch.log import Log
+from ual_tools.launch.log import TeamLog
 from ual_tools.launch.supervisor import Supervisor
 from ual_tools.launch.team import AtEnd, Team
 
@@ -22,10 +22,10 @@ _LOOK_S = 0.05
 _KILL_AFTER_S = 2.0
 
 
-async def run(team: Team, log: Log) -> bool:
+async def run(team: Team, log: TeamLog) -> bool:
     """Runs a team until a signal comes, or one of its programs ends it. Returns whether all went well."""
     descendants.adopt_orphans()
-    return await _Run(team, log).run()
+    return await _TeamRun(team, log).run()
 
 
 class Presses:
@@ -50,8 +50,8 @@ class Presses:
             self._call(self._count)
 
 
-class _Run:
-    def __init__(self, team: Team, log: Log) -> None:
+class _TeamRun:
+    def __init__(self, team: Team, log: TeamLog) -> None:
         self._team = team
         self._log = log
         self._all = {each.name: Supervisor(each, log) for each in team.programs}

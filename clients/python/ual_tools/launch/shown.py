@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 
-from ual_tools.launch.team import Condition, Program
+from ual_tools.launch.team import Program, ReadyCondition
 
 
 def text(program: Program) -> str:
@@ -38,7 +38,7 @@ def _about(program: Program) -> str:
     if program.needs:
         parts.append(f"after {', '.join(program.needs)}")
     condition = program.ready.condition
-    if condition is not Condition.STARTED:
+    if condition is not ReadyCondition.STARTED:
         parts.append(f"ready by {condition.value} {program.ready.value}".rstrip())
     parts.append(f"restart {program.restart.value}")
     return "; ".join(parts)

@@ -9,10 +9,10 @@ import time
 from ual.shared.waiting import ends_within
 from ual.types import State
 from ual_tools.launch.flying import Watched
-from ual_tools.launch.log import Log
-from ual_tools.launch.process import Process
+from ual_tools.launch.log import TeamLog
+from ual_tools.launch.process import TeamProcess
 from ual_tools.launch.ready import address_of, until_ready
-from ual_tools.launch.team import Condition, Program, Restart
+from ual_tools.launch.team import Program, ReadyCondition, Restart
 
 _PAUSES_S = (0.0, 1.0, 2.0, 4.0, 8.0)
 """Before each new start. A daemon that dies in flight is missed at once; one that dies again and again is given up."""
@@ -31,7 +31,7 @@ class Supervisor:
 
     """
 
-    def __init__(self, program: Program, log: Log) -> None:
+    def __init__(self, program: Program, log: TeamLog) -> None:
         self.program = program
         self.ready = asyncio.Event()
         self.failure = ""
@@ -39,7 +39,7 @@ class Supervisor:
         self.uav = Watched(program.ns, self._on_state) if program.is_daemon else None
         self.address: str | None = None
         self._log = log
-        self._process: Process | None = None
+        self._process: TeamProcess | None = None
         self._is_stopping = False
         self._stopping = asyncio.Event()
         self._starting = asyncio.Lock()
@@ -99,7 +99,7 @@ class Supervisor:
             async with self._starting:
                 if self._is_stopping:
                     return None
-                self._process = process = await Process.start(self.program, self._log)
+                self._process = process = await TeamProcess.start(self.program, self._log)
         except OSError as error:
             self.failure = f"cannot be started: {error}"
             self._show("cannot start")
@@ -115,13 +115,13 @@ class Supervisor:
         self._judge(process, status)
         return status
 
-    def _judge(self, process: Process, status: int) -> None:
+    def _judge(self, process: TeamProcess, status: int) -> None:
         if self._is_stopping:
             return
         if process.watch.seen.is_set():
             self.ready.set()  # it has ended at once
         self._show(f"ended ({_text(status)})")
-        is_done = status == 0 and self.program.ready.condition is Condition.EXIT
+        is_done = status == 0 and self.program.ready.condition is ReadyCondition.EXIT
         if is_done:
             self.ready.set()
         is_bad = status != 0 or not self.ready.is_set()
@@ -134,14 +134,14 @@ class Supervisor:
         if status is None or not self.ready.is_set() or (self.program.is_daemon and status == _WRONG_CONFIGURATION):
             return False
         if status == 0:
-            return self.program.restart is Restart.ALWAYS and self.program.ready.condition is not Condition.EXIT
+            return self.program.restart is Restart.ALWAYS and self.program.ready.condition is not ReadyCondition.EXIT
         return self.program.restart is not Restart.NO
 
     async def _pause(self, pause_s: float) -> None:
         self._log.note(f"{self.program.name}: starts again" + (f" in {pause_s:g} s" if pause_s else ""))
         await ends_within(self._stopping.wait(), pause_s)
 
-    async def _follow(self, process: Process) -> None:
+    async def _follow(self, process: TeamProcess) -> None:
         """Says when it is ready, and follows the UAV of a daemon."""
         following = asyncio.create_task(self._follow_uav(process))
         try:
@@ -151,7 +151,7 @@ class Supervisor:
             following.cancel()
             await asyncio.wait((following,))
 
-    async def _until_ready(self, process: Process) -> None:
+    async def _until_ready(self, process: TeamProcess) -> None:
         limit_s = self.program.ready_limit_s
         if not await ends_within(until_ready(self.program, process.pid, process.watch), limit_s):
             self._log.note(f"{self.program.name}: not ready after {limit_s:g} s, ended", is_bad=True)
@@ -162,7 +162,7 @@ class Supervisor:
         if self.uav is None:
             self._show("ready")
 
-    async def _follow_uav(self, process: Process) -> None:
+    async def _follow_uav(self, process: TeamProcess) -> None:
         if self.uav is None:
             return
         self.address = await address_of(self.program.ns, process.pid)

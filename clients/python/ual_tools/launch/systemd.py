@@ -7,7 +7,7 @@ import shutil
 from pathlib import Path
 
 from ual_tools.launch.boot import RUNTIME_DIR, CannotExpressError, landing_of, test_of
-from ual_tools.launch.team import Condition, Program, Restart, Team
+from ual_tools.launch.team import Program, ReadyCondition, Restart, Team
 
 _MARGIN_S = 10.0
 """The landing ends by its own limit, not by that of the unit."""
@@ -127,7 +127,7 @@ def _of_user() -> str:
 
 def _commands(team: Team, program: Program) -> list[str]:
     ual = _found("ual", beside=team.daemons[0].argv[0])
-    is_exit = program.ready.condition is Condition.EXIT
+    is_exit = program.ready.condition is ReadyCondition.EXIT
     first = [_found(program.argv[0], program.cwd), *program.argv[1:]]
     lines = ["Type=oneshot", "RemainAfterExit=yes"] if is_exit else ["Type=exec"]
     lines.append(f"ExecStart={' '.join(map(_word, first))}")
@@ -142,7 +142,7 @@ def _commands(team: Team, program: Program) -> list[str]:
 
 def _times(team: Team, program: Program) -> list[str]:
     limit_s = max(program.stop_limit_s, team.land_limit_s + _MARGIN_S) if program.is_daemon else program.stop_limit_s
-    restart = Restart.NO if program.ready.condition is Condition.EXIT else program.restart
+    restart = Restart.NO if program.ready.condition is ReadyCondition.EXIT else program.restart
     return [
         f"Restart={restart.value}",
         "RestartSec=1",

@@ -24,7 +24,7 @@ class AtEnd(Enum):
     HOLD = "hold"
 
 
-class Condition(Enum):
+class ReadyCondition(Enum):
     """Sign that a program is ready."""
 
     STARTED = "started"
@@ -39,7 +39,7 @@ class Condition(Enum):
 class Ready:
     """Condition of a program's readiness: `value` is the port, the file or the pattern of the line."""
 
-    condition: Condition = Condition.STARTED
+    condition: ReadyCondition = ReadyCondition.STARTED
     value: str = ""
 
 

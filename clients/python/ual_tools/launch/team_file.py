@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TypedDict
 
 from ual import discovery
-from ual_tools.launch.team import AtEnd, Condition, Program, Ready, Restart, Team
+from ual_tools.launch.team import AtEnd, Program, Ready, ReadyCondition, Restart, Team
 from ual_tools.strict_yaml.loading import YamlFileError
 from ual_tools.strict_yaml.nodes import Node, read
 
@@ -41,7 +41,9 @@ _UAV = (
     *_ENDING,
 )
 _OF_FLAGS = ("ns", "backend", "url", "listen", "home_pose", "fleet", "fleet_url", "fleet_spacing_m", "workers")
-_READY = tuple(each.value for each in (Condition.PORT, Condition.FILE, Condition.LOG, Condition.EXIT))
+_READY = tuple(
+    each.value for each in (ReadyCondition.PORT, ReadyCondition.FILE, ReadyCondition.LOG, ReadyCondition.EXIT)
+)
 _SIGNALS = {
     each.name.removeprefix("SIG"): each for each in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT)
 }
@@ -162,7 +164,7 @@ def _uav(
         argv=(_daemon_program(), *_flags(ns, values, directory)),
         cwd=directory,
         needs=_last(beside, needs),
-        ready=Ready(Condition.SERVING),
+        ready=Ready(ReadyCondition.SERVING),
         **_ending(values, directory, image, is_daemon=True),
     )
     return [*beside, daemon]
@@ -290,12 +292,12 @@ def _ready(node: Node, directory: Path) -> Ready:
     if len(values) != 1:
         raise node.error(f"expected one of {', '.join(_READY)}")
     name, value = next(iter(values.items()))
-    condition = Condition(name)
-    if condition is Condition.PORT:
+    condition = ReadyCondition(name)
+    if condition is ReadyCondition.PORT:
         return Ready(condition, _port(value))
-    if condition is Condition.FILE:
+    if condition is ReadyCondition.FILE:
         return Ready(condition, str(directory / value.text()))
-    if condition is Condition.LOG:
+    if condition is ReadyCondition.LOG:
         return Ready(condition, _pattern(value))
     if not value.boolean():
         raise value.error("expected true")

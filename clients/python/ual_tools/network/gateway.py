@@ -18,7 +18,7 @@ from ual.errors import DaemonUnreachableError, InvalidArgumentError
 from ual.shared import whole_file
 from ual_tools.app import command
 from ual_tools.help import Section
-from ual_tools.session import Session, pass_session
+from ual_tools.session import CommandSession, pass_session
 
 if TYPE_CHECKING:
     from ual.network import NetworkUav
@@ -38,7 +38,7 @@ _LOOK_S = 0.5
 )
 @click.option("--once", is_flag=True, help="Write the file once, and end.")
 @pass_session
-def gateway(session: Session, file: Path, pid_file: Path | None, once: bool) -> None:
+def gateway(session: CommandSession, file: Path, pid_file: Path | None, once: bool) -> None:
     """Keep a gateway's list of UAVs as the network says.
 
     It does so until Ctrl-C.

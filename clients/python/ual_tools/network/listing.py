@@ -11,9 +11,9 @@ import click
 
 from ual.errors import DaemonUnreachableError
 from ual_tools import condition
-from ual_tools.condition import STYLES, Condition, Level
+from ual_tools.condition import STYLES, UavCondition, Urgency
 from ual_tools.network.joined import Joined, label
-from ual_tools.session import Session
+from ual_tools.session import CommandSession
 from ual_tools.tables import print_table
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ _HEADER = ("uav", "state", "backend", "address", "host", "age", "battery", "to f
 _GREY = "bright_black"
 
 
-def list_uavs(session: Session, joined: Joined) -> None:
+def list_uavs(session: CommandSession, joined: Joined) -> None:
     """Prints a line for each UAV, the worst first.
 
     Raises:
@@ -36,7 +36,7 @@ def list_uavs(session: Session, joined: Joined) -> None:
         raise DaemonUnreachableError(f"not all UAVs of the network are seen: {'; '.join(unseen)}")
 
 
-def _print(session: Session, network: Network) -> None:
+def _print(session: CommandSession, network: Network) -> None:
     now_s, utc_s = time.monotonic(), time.time()
     known = condition.worst_first(network.uavs(), lambda uav: condition_of(uav, now_s), lambda uav: uav.ns)
     if session.as_json:
@@ -53,10 +53,10 @@ def _print(session: Session, network: Network) -> None:
         click.echo(f"no UAV is on the network ({network.described}): start daemons with `ual-daemon --network`")
 
 
-def condition_of(uav: NetworkUav, now_s: float) -> Condition:
+def condition_of(uav: NetworkUav, now_s: float) -> UavCondition:
     """Returns how a UAV is by what is known of it."""
     text = trouble(uav, now_s)
-    return Condition(Level.ALARM, "LOST", text, text) if text else condition.of_telemetry(uav.telemetry)
+    return UavCondition(Urgency.ALARM, "LOST", text, text) if text else condition.of_telemetry(uav.telemetry)
 
 
 def trouble(uav: NetworkUav, now_s: float) -> str:
@@ -126,5 +126,5 @@ def _print_trouble(known: Sequence[NetworkUav], now_s: float) -> None:
     for uav in known:
         how = condition_of(uav, now_s)
         if how.text:
-            click.secho(f"{label(uav)}: {how.text}", fg="red" if how.level is Level.ALARM else "yellow")
+            click.secho(f"{label(uav)}: {how.text}", fg="red" if how.level is Urgency.ALARM else "yellow")
     click.echo(f"{len(known)} UAV{'s' * (len(known) > 1)}: {condition.summary(condition_of(u, now_s) for u in known)}")

@@ -9,13 +9,13 @@ import click
 
 from ual_tools.app import command
 from ual_tools.help import Section
-from ual_tools.session import Session, pass_session
+from ual_tools.session import CommandSession, pass_session
 
 
 @command("router", "ual router certificates/router_1.router.json5", section=Section.TEAMS)
 @click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 @pass_session
-def router(session: Session, file: Path) -> None:
+def router(session: CommandSession, file: Path) -> None:
     """Run a router of the network until Ctrl-C.
 
     FILE is what `ual certificates network` has written, with the certificates beside it; `zenohd --config FILE` takes

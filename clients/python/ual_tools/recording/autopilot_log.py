@@ -29,7 +29,7 @@ _USEC_OF_UTC = 1_500_000_000_000_000
 
 
 @dataclass(slots=True)
-class Track:
+class LogTrack:
     """Positions by the autopilot's log: metres east, north and up of its own origin, m/s.
 
     `times_s` are since an epoch of its own, or in UTC since 1970 with `is_utc`.
@@ -58,7 +58,7 @@ def require() -> None:
     import pyulog  # noqa: F401
 
 
-def read(file: Path) -> Track:
+def read(file: Path) -> LogTrack:
     """Reads the track of a ULog of PX4, or of a dataflash log of ArduPilot.
 
     Raises:
@@ -76,7 +76,7 @@ def read(file: Path) -> Track:
     return track
 
 
-def laid_over(track: Track, times_s: Sequence[float], speeds: Sequence[float], begin_s: float) -> Track:
+def laid_over(track: LogTrack, times_s: Sequence[float], speeds: Sequence[float], begin_s: float) -> LogTrack:
     """Returns the track on the times of a recording, which began at `begin_s` (UTC). Only the time is moved.
 
     Raises:
@@ -86,7 +86,7 @@ def laid_over(track: Track, times_s: Sequence[float], speeds: Sequence[float], b
     if not times_s:
         raise InvalidArgumentError("the recording has no positions", {"field": "log"})
     shift_s = _near_utc_s(track, times_s, speeds, begin_s) if track.is_utc else _best_shift_s(track, times_s, speeds)
-    moved = Track(True)
+    moved = LogTrack(True)
     for time_s, x, y, height, speed in zip(track.times_s, track.xs, track.ys, track.heights, track.speeds, strict=True):
         if times_s[0] <= time_s + shift_s <= times_s[-1]:
             moved.add(time_s + shift_s, y, x, -height, speed)
@@ -95,7 +95,9 @@ def laid_over(track: Track, times_s: Sequence[float], speeds: Sequence[float], b
     return moved
 
 
-def placed(track: Track, times_s: Sequence[float], places: Sequence[Sequence[float]]) -> tuple[Track, list[float]]:
+def placed(
+    track: LogTrack, times_s: Sequence[float], places: Sequence[Sequence[float]]
+) -> tuple[LogTrack, list[float]]:
     """Returns the track moved onto places (x, y and z) of a recording, and by how much, in metres.
 
     The origins of the two differ: the moves are the medians of the differences.
@@ -108,13 +110,13 @@ def placed(track: Track, times_s: Sequence[float], places: Sequence[Sequence[flo
         for place, values in zip(places, own, strict=True)
     ]
     x, y, z = offsets
-    moved = Track(track.is_utc)
+    moved = LogTrack(track.is_utc)
     for time_s, east, north, up, speed in zip(track.times_s, *own, track.speeds, strict=True):
         moved.add(time_s, north + y, east + x, -(up + z), speed)
     return moved, offsets
 
 
-def _near_utc_s(track: Track, times_s: Sequence[float], speeds: Sequence[float], begin_s: float) -> float:
+def _near_utc_s(track: LogTrack, times_s: Sequence[float], speeds: Sequence[float], begin_s: float) -> float:
     """Returns by how much the times differ, by UTC, or better where the speeds are most alike near that."""
     try:
         best_s = _best_shift_s(track, times_s, speeds)
@@ -123,7 +125,7 @@ def _near_utc_s(track: Track, times_s: Sequence[float], speeds: Sequence[float],
     return best_s if abs(best_s + begin_s) <= _CLOCKS_DIFFER_S else -begin_s
 
 
-def _best_shift_s(track: Track, times_s: Sequence[float], speeds: Sequence[float]) -> float:
+def _best_shift_s(track: LogTrack, times_s: Sequence[float], speeds: Sequence[float]) -> float:
     """Returns by how much the times differ, by where the speeds are most alike."""
     import numpy as np
 
@@ -148,7 +150,7 @@ def _best_shift_s(track: Track, times_s: Sequence[float], speeds: Sequence[float
     return times_s[0] - track.times_s[0] + (best - len(theirs) + 1) * _STEP_S
 
 
-def _of_px4(file: Path) -> Track:
+def _of_px4(file: Path) -> LogTrack:
     from pyulog import ULog
 
     with file.open("rb") as stream:
@@ -156,7 +158,7 @@ def _of_px4(file: Path) -> Track:
     found = {each.name: each.data for each in log.data_list if each.multi_id == 0}
     local, satellites = found.get("vehicle_local_position"), found.get("vehicle_gps_position")
     to_utc_us = _px4_utc_us(satellites)
-    track = Track(to_utc_us is not None)
+    track = LogTrack(to_utc_us is not None)
     if local is not None:
         names = ("timestamp", "x", "y", "z", "vx", "vy", "vz", "xy_valid", "z_valid")
         for time_us, north, east, down, *velocity, has_place, has_height in zip(
@@ -177,13 +179,13 @@ def _px4_utc_us(satellites: dict[str, Sequence[int]] | None) -> int | None:
     return sorted(known)[len(known) // 2] if known else None
 
 
-def _of_ardupilot(file: Path) -> Track:
+def _of_ardupilot(file: Path) -> LogTrack:
     from pymavlink import DFReader
 
     with file.open("rb") as stream:
         if stream.read(len(_DATAFLASH)) != _DATAFLASH:
             raise InvalidArgumentError(f"{file} cannot be read: it is no dataflash log", {"field": "log"})
-    track = Track(True)
+    track = LogTrack(True)
     with closing(DFReader.DFReader_binary(str(file))) as reader:
         for message in _messages(reader, "XKF1"):
             if getattr(message, "C", 0) == 0:  # the first estimator

@@ -15,7 +15,7 @@ from ual.recording.telemetry import TelemetryTopics
 from ual.types import Info, Telemetry
 
 if TYPE_CHECKING:
-    from ual.recording.pictures import Pictures
+    from ual.recording.pictures import PictureRecorder
 
 
 class ClientRecording:
@@ -36,7 +36,7 @@ class ClientRecording:
         self._lock = threading.Lock()
         self._topics: dict[str, TelemetryTopics] = {}
         self._described: dict[str, Info] = {}
-        self._pictures: list[Pictures] = []
+        self._pictures: list[PictureRecorder] = []
         self._recorder.at_each_file(self._repeat)
         self.samples_count = 0
         """Samples that arrived."""
@@ -108,18 +108,18 @@ class ClientRecording:
             UalError: The cameras do not answer, or there are none.
 
         """
-        from ual.recording.pictures import Pictures
+        from ual.recording.pictures import PictureRecorder
 
-        pictures = Pictures(uav.ns, uav.cameras, self._recorder)
+        pictures = PictureRecorder(uav.ns, uav.cameras, self._recorder)
         pictures.start()
         self._pictures.append(pictures)
         return pictures.close
 
     def record_carried(self, uav: Uav) -> Callable[[], None]:
         """Records what a UAV carries, if it carries something, until the function that it returns is called."""
-        from ual.recording.carried import Carried
+        from ual.recording.carried import PayloadRecorder
 
-        carried = Carried(uav.ns, uav.gimbals, uav.gripper, uav.frames, self._recorder)
+        carried = PayloadRecorder(uav.ns, uav.gimbals, uav.gripper, uav.frames, self._recorder)
         carried.start()
         return carried.close
 

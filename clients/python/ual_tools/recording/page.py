@@ -12,7 +12,7 @@ from ual.recording.reader import Message
 from ual.shared import whole_file
 from ual.types import State, Telemetry
 from ual_tools import places
-from ual_tools.recording.autopilot_log import Track
+from ual_tools.recording.autopilot_log import LogTrack
 
 _LEAST_NS = 40_000_000
 """Least time between two drawn points in ns: 25 points a second."""
@@ -40,7 +40,7 @@ class Band:
 
 
 @dataclass(slots=True)
-class Flight:
+class DrawnFlight:
     """Drawn data of one UAV; times in s since the beginning of the recording, metres, m/s.
 
     Its places are in the frame of its telemetry, or in `map` if it is one of several: their own frames differ.
@@ -111,19 +111,21 @@ def _extend(bands: list[Band], label: str, time_s: float, state: State | None = 
     bands.append(Band(label, time_s, time_s, state))
 
 
-def flights(messages: Iterable[Message], *, is_in_map: bool = False) -> list[Flight]:
+def flights(messages: Iterable[Message], *, is_in_map: bool = False) -> list[DrawnFlight]:
     """Returns what is to be drawn of each UAV, in `map` if that is wanted."""
-    found: dict[str, Flight] = {}
+    found: dict[str, DrawnFlight] = {}
     begin_ns: int | None = None
     for message in messages:
         if message.name not in ("telemetry", "calls") or not message.ns:
             continue
         begin_ns = message.log_ns if begin_ns is None else begin_ns
-        found.setdefault(message.ns, Flight(message.ns, is_in_map)).add(message, (message.log_ns - begin_ns) * 1e-9)
+        found.setdefault(message.ns, DrawnFlight(message.ns, is_in_map)).add(
+            message, (message.log_ns - begin_ns) * 1e-9
+        )
     return [found[ns] for ns in sorted(found)]
 
 
-def draw(drawn: list[Flight], file: Path, title: str, log: Track | None = None) -> None:
+def draw(drawn: list[DrawnFlight], file: Path, title: str, log: LogTrack | None = None) -> None:
     """Draws the page: ground track, height, speed, states, tasks and refusals. The ending of the name says the format.
 
     A `log` is drawn beside them: the track in the autopilot's log of the same flight.
@@ -170,7 +172,7 @@ def draw(drawn: list[Flight], file: Path, title: str, log: Track | None = None) 
         figure.savefig(part, dpi=120)
 
 
-def _draw_bands(axes: Any, drawn: list[Flight]) -> None:  # noqa: ANN401  matplotlib has no types
+def _draw_bands(axes: Any, drawn: list[DrawnFlight]) -> None:  # noqa: ANN401  matplotlib has no types
     """Draws states, tasks and refusals of each UAV in three rows, over the time."""
     from matplotlib.patches import Patch
 

@@ -13,7 +13,7 @@ import click
 from ual_tools.app import Multi, command
 from ual_tools.help import Section
 from ual_tools.ros2 import found, interfaces
-from ual_tools.session import Session, pass_session
+from ual_tools.session import CommandSession, pass_session
 
 _NODE = "ual_ros2"
 
@@ -29,7 +29,7 @@ _NODE = "ual_ros2"
 @click.option("--variables", "is_printing", is_flag=True, help="Only print what a shell needs to find ual_msgs.")
 @click.argument("arguments", nargs=-1)
 @pass_session
-def ros2(session: Session, is_printing: bool, arguments: tuple[str, ...]) -> None:
+def ros2(session: CommandSession, is_printing: bool, arguments: tuple[str, ...]) -> None:
     """Run UAVs as nodes of ROS 2 until Ctrl-C.
 
     They are all of this computer, or those of --ns.
@@ -49,7 +49,7 @@ def ros2(session: Session, is_printing: bool, arguments: tuple[str, ...]) -> Non
     os.execve(words[0], words, os.environ | variables)  # noqa: S606 (a node, as `ros2 run` starts it)
 
 
-def _variables(session: Session) -> dict[str, str]:
+def _variables(session: CommandSession) -> dict[str, str]:
     """Returns what the environment needs, so that Python finds ROS, the interfaces and the node."""
     variables = interfaces.ready(found.ros(), interfaces.cache(), session.tell)
     if find_spec(_NODE) is None:
@@ -58,7 +58,7 @@ def _variables(session: Session) -> dict[str, str]:
     return variables
 
 
-def _parameters(session: Session) -> list[str]:
+def _parameters(session: CommandSession) -> list[str]:
     """Returns the options of `ual` as parameters of the node. JSON is YAML, which ROS reads."""
     names = [name for name in (session.ns or "").split(",") if name]
     parameters = {

@@ -20,7 +20,7 @@ _INDEX = "share/ament_index"
 
 
 @dataclass(frozen=True)
-class Ros:
+class RosInstallation:
     """Installation of ROS 2."""
 
     prefixes: tuple[Path, ...]
@@ -35,7 +35,7 @@ class Ros:
         return ""
 
 
-def ros() -> Ros:
+def ros() -> RosInstallation:
     """Returns the ROS 2 that this Python imports.
 
     Raises:
@@ -46,4 +46,4 @@ def ros() -> Ros:
         raise NotSupportedError(_MISSING.format(*sys.version_info))
     named = [Path(prefix) for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix]
     here = Path(sys.prefix)  # where wheels put it
-    return Ros((*named, here) if (here / _INDEX).is_dir() and here not in named else tuple(named))
+    return RosInstallation((*named, here) if (here / _INDEX).is_dir() and here not in named else tuple(named))

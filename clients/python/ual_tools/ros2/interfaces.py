@@ -17,7 +17,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from ual.errors import NotSupportedError, UalError
-from ual_tools.ros2.found import Ros
+from ual_tools.ros2.found import RosInstallation
 
 _HERE = Path(__file__).parent
 _PACKAGED = _HERE / "packages"
@@ -48,7 +48,9 @@ def needed() -> dict[str, Path]:
     return {name: source for name, source in _PACKAGES.items() if find_spec(name) is None}
 
 
-def ready(ros: Ros, directory: Path, tell: Callable[[str], None], *, for_python_alone: bool = False) -> dict[str, str]:
+def ready(
+    ros: RosInstallation, directory: Path, tell: Callable[[str], None], *, for_python_alone: bool = False
+) -> dict[str, str]:
     """Builds what is missing, and returns the variables of the environment in which it is found.
 
     Args:
@@ -77,7 +79,7 @@ def ready(ros: Ros, directory: Path, tell: Callable[[str], None], *, for_python_
     return variables(prefix, ros, os.environ)
 
 
-def variables(prefix: Path, ros: Ros, before: Mapping[str, str]) -> dict[str, str]:
+def variables(prefix: Path, ros: RosInstallation, before: Mapping[str, str]) -> dict[str, str]:
     """Returns the variables with which packages below `prefix` are found, before what the variables held."""
     found = sorted(str(path) for name in ("site-packages", "dist-packages") for path in prefix.glob(f"**/{name}"))
     ours = {
@@ -88,7 +90,7 @@ def variables(prefix: Path, ros: Ros, before: Mapping[str, str]) -> dict[str, st
     return {name: os.pathsep.join(filter(None, paths)) for name, paths in ours.items()}
 
 
-def _key(ros: Ros, sources: Iterable[Path], for_python_alone: bool) -> str:
+def _key(ros: RosInstallation, sources: Iterable[Path], for_python_alone: bool) -> str:
     """Returns a name that is another one wherever what is built would be another one."""
     digest = hashlib.sha256(repr((ros, ros.version_of("rclpy"), sys.version_info[:2], for_python_alone)).encode())
     for source in sources:
@@ -121,14 +123,14 @@ def _announced(packages: Iterable[str], prefix: Path, for_python_alone: bool) ->
     return f"building {' and '.join(packages)}, once, into {prefix}: {how_long}"
 
 
-def _make(packages: Mapping[str, Path], prefix: Path, ros: Ros, for_python_alone: bool) -> None:
+def _make(packages: Mapping[str, Path], prefix: Path, ros: RosInstallation, for_python_alone: bool) -> None:
     with tempfile.TemporaryDirectory(dir=prefix.parent) as scratch:
         for name, source in packages.items():
             _build(name, source, Path(scratch), prefix.parent / f"{prefix.name}.log", ros, for_python_alone)
         (Path(scratch) / "installed").rename(prefix)  # at once: another process finds all of it or nothing
 
 
-def _build(name: str, source: Path, scratch: Path, log: Path, ros: Ros, for_python_alone: bool) -> None:
+def _build(name: str, source: Path, scratch: Path, log: Path, ros: RosInstallation, for_python_alone: bool) -> None:
     paths = os.pathsep.join(map(str, ros.prefixes))
     build = scratch / name
     settings = {

@@ -17,9 +17,9 @@ from ual_tools import values
 from ual_tools.app import command
 from ual_tools.help import Section
 from ual_tools.rtcm.ntrip import NtripSource, Position, parse_caster
-from ual_tools.rtcm.reader import Reader
-from ual_tools.rtcm.source import Source, serial_source, tcp_source
-from ual_tools.session import Session, pass_session
+from ual_tools.rtcm.reader import CorrectionsReader
+from ual_tools.rtcm.source import CorrectionsSource, serial_source, tcp_source
+from ual_tools.session import CommandSession, pass_session
 
 if TYPE_CHECKING:
     from ual import Uav
@@ -57,7 +57,7 @@ STATUS_S = 10.0
 )
 @pass_session
 def rtcm(
-    session: Session, serial: str | None, tcp: str | None, ntrip: str | None, gga_s: int | None, status_s: float
+    session: CommandSession, serial: str | None, tcp: str | None, ntrip: str | None, gga_s: int | None, status_s: float
 ) -> None:
     """Send corrections (RTCM 3) to the UAV until Ctrl-C.
 
@@ -70,7 +70,10 @@ def rtcm(
         raise click.UsageError(f"--status: {status_s:g} is not between 0.1 and 3600")
     with session.connect(with_lease=False) as uav:
         source = _source(serial, tcp, ntrip, gga_s, _position_of(uav))
-        with Reader(source, session.tell) as reader, _Sending(uav, reader, source.name, session.tell) as sending:
+        with (
+            CorrectionsReader(source, session.tell) as reader,
+            _Sending(uav, reader, source.name, session.tell) as sending,
+        ):
             try:
                 while not sending.is_over.wait(status_s):
                     _show(session, uav, "")
@@ -80,7 +83,9 @@ def rtcm(
             raise sending.failure
 
 
-def _source(serial: str | None, tcp: str | None, ntrip: str | None, gga_s: int | None, position: Position) -> Source:
+def _source(
+    serial: str | None, tcp: str | None, ntrip: str | None, gga_s: int | None, position: Position
+) -> CorrectionsSource:
     if serial is not None:
         return serial_source(serial)
     if tcp is not None:
@@ -101,7 +106,7 @@ def _position_of(uav: Uav) -> Callable[[], GeoPoint | None]:
 class _Sending:
     """The thread that sends. `is_over` is set where it cannot go on; `failure` then says why."""
 
-    def __init__(self, uav: Uav, reader: Reader, sender: str, tell: Callable[[str], object]) -> None:
+    def __init__(self, uav: Uav, reader: CorrectionsReader, sender: str, tell: Callable[[str], object]) -> None:
         self.is_over = threading.Event()
         self.failure: UalError | None = None
         self._uav = uav
@@ -138,7 +143,7 @@ class _Sending:
         self.is_over.set()
 
 
-def _show(session: Session, uav: Uav, done: str) -> None:
+def _show(session: CommandSession, uav: Uav, done: str) -> None:
     try:
         status, gps = uav.corrections.status(), uav.telemetry().gps
     except UalError as error:

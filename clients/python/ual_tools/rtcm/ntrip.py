@@ -12,8 +12,8 @@ from ual.errors import InvalidArgumentError
 from ual.shared import environment
 from ual.types import GeoPoint
 from ual_tools.rtcm import ntrip_protocol as protocol
-from ual_tools.rtcm.ntrip_protocol import Caster, Connection, Head, connected
-from ual_tools.rtcm.source import Source, SourceError
+from ual_tools.rtcm.ntrip_protocol import Caster, Head, NtripConnection, connected
+from ual_tools.rtcm.source import CorrectionsSource, SourceError
 
 USER_VARIABLE, PASSWORD_VARIABLE = "UAL_NTRIP_USER", "UAL_NTRIP_PASSWORD"
 GGA_S = 10
@@ -27,7 +27,7 @@ Position = Callable[[], GeoPoint | None]
 """Returns where the UAV is; None while that is not known."""
 
 
-class NtripSource(Source):
+class NtripSource(CorrectionsSource):
     """A mount point of a caster. `position` is told to the caster at once and then each `gga_s`.
 
     Where that is None, the caster's table says whether it wants to be told. What the table does not say is told where
@@ -57,7 +57,7 @@ class NtripSource(Source):
                     raise SourceError("the caster has closed the connection")
         raise SourceError("it has closed the connection without an answer")
 
-    def _told_on_time(self, connection: Connection) -> Generator[bytes, None, None]:
+    def _told_on_time(self, connection: NtripConnection) -> Generator[bytes, None, None]:
         """Yields what comes, and tells the caster where the UAV is, whether anything comes or not."""
         due_s = time.monotonic()
         for data in connection.body():
@@ -86,7 +86,7 @@ class NtripSource(Source):
         told = {line[_WANTS_POSITION].strip() if len(line) > _WANTS_POSITION else "" for line in lines}
         return {"0": False, "1": True}.get(told.pop()) if len(told) == 1 else None
 
-    def _require_data(self, head: Head, connection: Connection) -> None:
+    def _require_data(self, head: Head, connection: NtripConnection) -> None:
         """Refuses an answer without corrections: for good, where the caster has no such mount point."""
         if head.is_table or head.status == protocol.MISSING:
             names = sorted({line[0] for line in connection.table() if line})[:_MOST_NAMED] if head.is_table else []

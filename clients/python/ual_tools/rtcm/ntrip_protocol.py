@@ -55,7 +55,7 @@ class Head(NamedTuple):
         return "chunked" in self.headers.get("transfer-encoding", "").lower()
 
 
-class Connection:
+class NtripConnection:
     """One request to a caster, and its answer. Every call raises `SourceError` where the connection breaks."""
 
     def __init__(self, link: socket.socket) -> None:
@@ -138,7 +138,7 @@ class Connection:
 
 
 @contextmanager
-def connected(caster: Caster) -> Iterator[Connection]:
+def connected(caster: Caster) -> Iterator[NtripConnection]:
     """Opens a connection for one request.
 
     Raises:
@@ -153,7 +153,7 @@ def connected(caster: Caster) -> Iterator[Connection]:
                 link = ssl.create_default_context().wrap_socket(link, server_hostname=caster.host)
         with link:
             link.settimeout(WAIT_S)
-            yield Connection(link)
+            yield NtripConnection(link)
 
 
 def gga(point: GeoPoint, utc_s: float) -> str:

@@ -12,7 +12,7 @@ from typing_extensions import Self
 
 from ual.errors import UalError
 from ual.shared.guard import WorkGuard
-from ual_tools.rtcm.source import SILENCE_S, WAIT_S, Source, SourceError
+from ual_tools.rtcm.source import SILENCE_S, WAIT_S, CorrectionsSource, SourceError
 
 FIRST_PAUSE_S = 1.0
 LONGEST_PAUSE_S = 30.0
@@ -20,12 +20,12 @@ MOST_CHUNKS = 64
 """Most chunks that wait while the daemon is away; beyond them the oldest is dropped."""
 
 
-class Reader:
+class CorrectionsReader:
     """Reads a source until it is closed. `tell` gets, human-readable, what happens to it."""
 
     def __init__(
         self,
-        source: Source,
+        source: CorrectionsSource,
         tell: Callable[[str], object],
         first_pause_s: float = FIRST_PAUSE_S,
         clock: Callable[[], float] = time.monotonic,

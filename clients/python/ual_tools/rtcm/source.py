@@ -25,7 +25,7 @@ class SourceError(Exception):
     """A source broke, or cannot be opened now; it may be tried again. The message is human-readable."""
 
 
-class Source(ABC):
+class CorrectionsSource(ABC):
     """Source of bytes. `name` is human-readable."""
 
     name: str
@@ -40,7 +40,7 @@ class Source(ABC):
         """
 
 
-class TcpSource(Source):
+class TcpSource(CorrectionsSource):
     """A TCP port that sends as soon as it is connected to, such as that of a base station."""
 
     def __init__(self, host: str, port: int) -> None:
@@ -69,7 +69,7 @@ def _received(connection: socket.socket) -> Iterator[bytes]:
         yield data
 
 
-class SerialSource(Source):
+class SerialSource(CorrectionsSource):
     """A serial port, such as that of a receiver which is a base station."""
 
     def __init__(self, port: str, baud: int) -> None:

@@ -14,14 +14,14 @@ from ual_tools import values
 from ual_tools.app import Multi, UalCommand, UalGroup
 from ual_tools.help import Section
 from ual_tools.selection import several
-from ual_tools.session import REFUSED, Session, note, pass_session
+from ual_tools.session import REFUSED, CommandSession, note, pass_session
 from ual_tools.strict_yaml.loading import loaded
 
 if TYPE_CHECKING:
     from ual.joystick import Device, Joysticks
     from ual_tools.teleop.layout import Layout
     from ual_tools.teleop.loop import Controls
-    from ual_tools.teleop.vehicle import Vehicle
+    from ual_tools.teleop.vehicle import TeleopVehicle
 
 HEIGHT_M = 2.0
 
@@ -54,7 +54,7 @@ def height_option(function: Callable[..., None]) -> Callable[..., None]:
 )
 @height_option
 @pass_session
-def keyboard(session: Session, height_m: float) -> None:
+def keyboard(session: CommandSession, height_m: float) -> None:
     """Fly by the keys of this terminal, also over SSH.
 
     Arrow keys, w, s, a and d are the four axes; a key flies while it is held. The screen shows all keys. Space stops
@@ -81,7 +81,7 @@ def keyboard(session: Session, height_m: float) -> None:
 @click.option("--map", "is_mapping", is_flag=True, help="Only say which axis and button of the device is which.")
 @pass_session
 def joystick(
-    session: Session, height_m: float, which: str | None, file: Path | None, is_listing: bool, is_mapping: bool
+    session: CommandSession, height_m: float, which: str | None, file: Path | None, is_listing: bool, is_mapping: bool
 ) -> None:
     """Fly by a joystick or gamepad.
 
@@ -128,7 +128,7 @@ def _list(joysticks: Joysticks) -> None:
         click.echo(f"{device.index}\t{device.name}\t{'known' if device.is_mapped else 'needs --map'}")
 
 
-def _fly_by(session: Session, height_m: float, joysticks: Joysticks, device: Device, layout: Layout) -> None:
+def _fly_by(session: CommandSession, height_m: float, joysticks: Joysticks, device: Device, layout: Layout) -> None:
     from ual_tools.teleop.joystick import JoystickControls
 
     controls = JoystickControls(joysticks, device, layout)
@@ -138,7 +138,7 @@ def _fly_by(session: Session, height_m: float, joysticks: Joysticks, device: Dev
         controls.close()
 
 
-def fly(session: Session, height_m: float, make_controls: Callable[[], Controls]) -> None:
+def fly(session: CommandSession, height_m: float, make_controls: Callable[[], Controls]) -> None:
     """Flies the chosen UAVs with a device until the operator leaves."""
     from ual_tools.teleop.loop import fly as fly_until_quit
     from ual_tools.teleop.pilot import Pilot
@@ -153,14 +153,14 @@ def fly(session: Session, height_m: float, make_controls: Callable[[], Controls]
         fly_until_quit(Pilot(vehicles, height_m), make_controls(), _say)
 
 
-def _vehicles(session: Session) -> list[Vehicle]:
-    from ual_tools.teleop.vehicle import Vehicle
+def _vehicles(session: CommandSession) -> list[TeleopVehicle]:
+    from ual_tools.teleop.vehicle import TeleopVehicle
 
     daemons = several(session)
     if daemons is None:
         uav = session.connect(with_lease=False)
-        return [Vehicle(uav, session.ns or session.address or "", takes_lease=session.takes_lease)]
-    return [Vehicle(session.connect_to(daemon), daemon.ns, takes_lease=session.takes_lease) for daemon in daemons]
+        return [TeleopVehicle(uav, session.ns or session.address or "", takes_lease=session.takes_lease)]
+    return [TeleopVehicle(session.connect_to(daemon), daemon.ns, takes_lease=session.takes_lease) for daemon in daemons]
 
 
 def _say(text: str) -> None:

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from ual_tools.teleop.actions import CONFIRMED, ENDING, Action
-from ual_tools.teleop.pilot import Mode, Pilot
-from ual_tools.teleop.smoothing import Axis
+from ual_tools.teleop.pilot import Pilot, StickMode
+from ual_tools.teleop.smoothing import SmoothedAxis
 from ual_tools.teleop.sticks import CENTRED, Sticks
 
 CONFIRM_S = 2.0
@@ -101,7 +101,7 @@ class Keys:
     """The four axes of the keys. The time is given, in seconds from anywhere."""
 
     def __init__(self) -> None:
-        self._axes = {name: Axis() for name in ("forward", "left", "up", "turn")}
+        self._axes = {name: SmoothedAxis() for name in ("forward", "left", "up", "turn")}
 
     def press(self, key: bytes, now_s: float) -> None:
         """Takes a key; one that is none of the axes does nothing."""
@@ -182,7 +182,7 @@ class Keyboard:
             keys = [key for key in keys if _ACTIONS.get(key) in ENDING]
         for key in keys:
             self._press(pilot, key, now_s)
-        if pilot.mode is Mode.VELOCITY:
+        if pilot.mode is StickMode.VELOCITY:
             pilot.steer(self._keys.sticks(now_s))
 
     def _press(self, pilot: Pilot, key: bytes, now_s: float) -> None:
@@ -191,7 +191,7 @@ class Keyboard:
             if action not in (Action.FASTER, Action.SLOWER):
                 self.forget()
             pilot.act(action)
-        elif pilot.mode is Mode.POSE:
+        elif pilot.mode is StickMode.POSE:
             pilot.step(self._steps.step(key, now_s))
         else:
             self._keys.press(key, now_s)

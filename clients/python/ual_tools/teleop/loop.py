@@ -10,7 +10,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import TYPE_CHECKING, NoReturn, Protocol
 
-from ual_tools.keys import Keyboard
+from ual_tools.keys import TerminalKeys
 from ual_tools.teleop import board
 from ual_tools.teleop.echo import Echo
 from ual_tools.teleop.pilot import Pilot
@@ -105,7 +105,9 @@ def _fly_on_screen(pilot: Pilot, controls: Controls, suspension: _Suspension, sa
             say(said)
 
 
-def _loop(pilot: Pilot, controls: Controls, keys: Keyboard, shown: Screen, echo: Echo, suspension: _Suspension) -> None:
+def _loop(
+    pilot: Pilot, controls: Controls, keys: TerminalKeys, shown: Screen, echo: Echo, suspension: _Suspension
+) -> None:
     last_s = drawn_s = time.monotonic() - PERIOD_S
     while not (pilot.has_quit or suspension.is_asked):
         read = keys.read(max(0.0, last_s + PERIOD_S - time.monotonic()))
@@ -123,7 +125,7 @@ def _loop(pilot: Pilot, controls: Controls, keys: Keyboard, shown: Screen, echo:
             drawn_s = now_s
 
 
-def _await_answer(keys: Keyboard, echo: Echo) -> None:
+def _await_answer(keys: TerminalKeys, echo: Echo) -> None:
     """Takes the answer of the terminal that is still to come, or the shell would take it for input."""
     end_s = time.monotonic() + _ANSWER_S
     while echo.is_awaited and not keys.is_gone and (left_s := end_s - time.monotonic()) > 0.0:

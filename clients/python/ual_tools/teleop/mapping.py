@@ -7,7 +7,7 @@ import sys
 import click
 
 from ual.joystick import Device, Joysticks, Mapper, RawJoystick
-from ual_tools.keys import Keyboard
+from ual_tools.keys import TerminalKeys
 from ual_tools.terminal import keyboard
 
 _PERIOD_S = 0.02
@@ -34,13 +34,13 @@ def make_mapping(joysticks: Joysticks, device: Device) -> None:
     click.echo(f"saved: {mapper.mapping().save()}")
 
 
-def _wait_for_enter(opened: RawJoystick, keys: Keyboard) -> None:
+def _wait_for_enter(opened: RawJoystick, keys: TerminalKeys) -> None:
     while (key := keys.read(_PERIOD_S)) not in _ENTER:
         _quit_if_asked(key, keys)
         opened.read()  # so that SDL sees what moves
 
 
-def _ask(mapper: Mapper, opened: RawJoystick, keys: Keyboard) -> None:
+def _ask(mapper: Mapper, opened: RawJoystick, keys: TerminalKeys) -> None:
     shown = ""
     while (question := mapper.question) is not None:
         text = f"{question.text}{f' ({mapper.note})' if mapper.note else ''}"
@@ -57,6 +57,6 @@ def _ask(mapper: Mapper, opened: RawJoystick, keys: Keyboard) -> None:
             mapper.feed(opened.read())
 
 
-def _quit_if_asked(key: bytes, keys: Keyboard) -> None:
+def _quit_if_asked(key: bytes, keys: TerminalKeys) -> None:
     if key in _QUIT or keys.is_gone:
         raise click.Abort

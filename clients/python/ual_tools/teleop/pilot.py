@@ -11,10 +11,10 @@ from enum import Enum
 from ual.geometry import Pose, PoseStamped, Quaternion, Twist, TwistStamped, Vector3
 from ual.types import Limits, State, Telemetry
 from ual_tools.teleop.actions import Action
-from ual_tools.teleop.speeds import FIRST_LEVEL, LEVELS, Level
+from ual_tools.teleop.speeds import FIRST_LEVEL, LEVELS, SpeedLevel
 from ual_tools.teleop.stepper import Stepper
 from ual_tools.teleop.sticks import CENTRED, Sticks
-from ual_tools.teleop.vehicle import Said, Vehicle
+from ual_tools.teleop.vehicle import ScreenLine, TeleopVehicle
 
 OLD_S = 1.0
 """With telemetry that is older than this, nobody sees what the UAV does: the sticks do nothing."""
@@ -31,7 +31,7 @@ _HALT_S = 1.0
 _TASKS = ("take-off", "land")
 
 
-class Mode(Enum):
+class StickMode(Enum):
     """Motion that the sticks command."""
 
     VELOCITY = "velocity"
@@ -45,13 +45,13 @@ class View:
     name: str
     telemetry: Telemetry | None
     age_s: float
-    mode: Mode
+    mode: StickMode
     level: int
-    speeds: Level
+    speeds: SpeedLevel
     is_headless: bool
     sticks: Sticks
-    done: Said
-    refusal: Said
+    done: ScreenLine
+    refusal: ScreenLine
     number: int = 1
     count: int = 1
     now_s: float = 0.0
@@ -69,9 +69,9 @@ class Pilot:
     """
 
     def __init__(
-        self, vehicles: Sequence[Vehicle], height_m: float, clock: Callable[[], float] = time.monotonic
+        self, vehicles: Sequence[TeleopVehicle], height_m: float, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        self.mode = Mode.VELOCITY
+        self.mode = StickMode.VELOCITY
         self.level = FIRST_LEVEL
         self.is_headless = False
         self.has_quit = False
@@ -86,12 +86,12 @@ class Pilot:
         self._stepper = Stepper()
 
     @property
-    def vehicle(self) -> Vehicle:
+    def vehicle(self) -> TeleopVehicle:
         """The UAV that is flown."""
         return self._vehicles[self._chosen]
 
     @property
-    def speeds(self) -> Level:
+    def speeds(self) -> SpeedLevel:
         """The speed level within the limits of the UAV."""
         info = self.vehicle.info
         return LEVELS[self.level].within(Limits() if info is None else info.limits)
@@ -125,7 +125,7 @@ class Pilot:
         """
         sticks = self._admitted(sticks)
         self._sticks = sticks
-        if self.mode is Mode.POSE:
+        if self.mode is StickMode.POSE:
             self._step(self._stepper.steps(sticks, self._clock()))
         else:
             self._fly(sticks)
@@ -135,7 +135,7 @@ class Pilot:
 
         For a device whose presses are steps (a keyboard), instead of `steer`.
         """
-        assert self.mode is Mode.POSE
+        assert self.mode is StickMode.POSE
         if self.vehicle.was_refused():
             self._reference = None
         if not self._is_blind(direction):
@@ -254,7 +254,7 @@ class Pilot:
         if action is Action.HEADLESS:
             self.is_headless = not self.is_headless
             return
-        self.mode = Mode.POSE if self.mode is Mode.VELOCITY else Mode.VELOCITY
+        self.mode = StickMode.POSE if self.mode is StickMode.VELOCITY else StickMode.VELOCITY
         if self._is_moving():
             self.vehicle.send(self._velocity(Twist()))
         self._reference = None

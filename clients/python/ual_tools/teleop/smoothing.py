@@ -21,7 +21,7 @@ FALL_S = 0.15
 """From 1 to 0."""
 
 
-class Axis:
+class SmoothedAxis:
     """The deflection of one axis, -1 to 1. The time is given, in seconds from anywhere, and never goes back."""
 
     def __init__(self) -> None:

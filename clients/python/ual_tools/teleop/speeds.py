@@ -11,7 +11,7 @@ from ual_tools.teleop.sticks import Sticks
 
 
 @dataclass(frozen=True, slots=True)
-class Level:
+class SpeedLevel:
     """Speeds at full deflection, and lengths of one step of the pose mode."""
 
     horizontal_m_s: float
@@ -20,12 +20,12 @@ class Level:
     step_m: float
     turn_step_deg: float
 
-    def within(self, limits: Limits) -> Level:
+    def within(self, limits: Limits) -> SpeedLevel:
         """Returns the level within the UAV's limits, each axis by itself.
 
         Otherwise the daemon would scale a velocity as a whole, and climbing would slow down the forward flight.
         """
-        return Level(
+        return SpeedLevel(
             min(self.horizontal_m_s, limits.horizontal_speed_m_s),
             min(self.vertical_m_s, limits.climb_speed_m_s, limits.descent_speed_m_s),
             min(self.turn_deg_s, math.degrees(limits.yaw_rate_rad_s)),
@@ -46,11 +46,11 @@ class Level:
 
 
 LEVELS = (
-    Level(0.25, 0.25, 10.0, 0.1, 5.0),
-    Level(0.5, 0.5, 20.0, 0.25, 10.0),
-    Level(1.0, 0.75, 30.0, 0.5, 15.0),
-    Level(2.0, 1.0, 45.0, 0.75, 30.0),
-    Level(4.0, 2.0, 60.0, 1.0, 45.0),
+    SpeedLevel(0.25, 0.25, 10.0, 0.1, 5.0),
+    SpeedLevel(0.5, 0.5, 20.0, 0.25, 10.0),
+    SpeedLevel(1.0, 0.75, 30.0, 0.5, 15.0),
+    SpeedLevel(2.0, 1.0, 45.0, 0.75, 30.0),
+    SpeedLevel(4.0, 2.0, 60.0, 1.0, 45.0),
 )
 FIRST_LEVEL = 1
 """Half a metre a second: slow enough to surprise no pilot."""

@@ -23,14 +23,14 @@ _IN_FLIGHT_S = 0.3
 
 
 @dataclass(frozen=True, slots=True)
-class Said:
+class ScreenLine:
     """A line for the screen, and when it was said (monotonic)."""
 
     text: str = ""
     time_s: float = 0.0
 
 
-class Vehicle:
+class TeleopVehicle:
     """One UAV. No member blocks, except `halt` and `close`, which have a time limit. May be used from any thread.
 
     Args:
@@ -45,9 +45,9 @@ class Vehicle:
     ) -> None:
         self.info: Info | None = None
         self.telemetry: Telemetry | None = None
-        self.refusal = Said()
+        self.refusal = ScreenLine()
         """The last refusal or failure."""
-        self.done = Said()
+        self.done = ScreenLine()
         """Last action, or the present one."""
         self._name = name
         self._uav = uav
@@ -209,5 +209,5 @@ class Vehicle:
         if not self._is_closed.is_set():
             self.refusal = self._said(f"{name}: {error.reason}: {' '.join(error.message.split())}")
 
-    def _said(self, text: str) -> Said:
-        return Said(text, self._clock())
+    def _said(self, text: str) -> ScreenLine:
+        return ScreenLine(text, self._clock())

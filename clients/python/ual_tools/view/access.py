@@ -19,7 +19,7 @@ _TOKEN_BYTES = 32
 
 
 @dataclass(frozen=True)
-class Access:
+class PageAccess:
     """Address of the page, and access to it."""
 
     host: str
@@ -41,7 +41,7 @@ class Access:
 
 def access(
     host: str, port: int, certificate: Path | None, key: Path | None, token_file: Path | None, *, control: bool
-) -> Access:
+) -> PageAccess:
     """Returns the access that the options say.
 
     A page with `control` has a token on loopback, too: other users of the computer must not fly.
@@ -56,8 +56,8 @@ def access(
         if not is_loopback(host):
             raise _refused(f"--host {host} is not loopback: give --tls-certificate and --tls-key, too", "host")
         needs_token = control or token_file is not None
-        return Access(host, port, _token(token_file) if needs_token else "")
-    return Access(host, port, _token(token_file), _context(certificate, key))
+        return PageAccess(host, port, _token(token_file) if needs_token else "")
+    return PageAccess(host, port, _token(token_file), _context(certificate, key))
 
 
 def _token(file: Path | None) -> str:

@@ -17,7 +17,7 @@ _NEAREST_M = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class Camera:
+class PageCamera:
     """A camera of a page: `fov_rad` is that of its height. Its axes are x right, y down, z ahead."""
 
     position: Vector3

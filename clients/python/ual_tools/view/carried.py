@@ -11,7 +11,7 @@ _LOOK_S = 2.0
 """States are asked of the autopilot, over its link."""
 
 
-class Carried:
+class PayloadBoard:
     """Asks while a page shows it. One thread asks, and another one may read `rows`."""
 
     def __init__(self) -> None:

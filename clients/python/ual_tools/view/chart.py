@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from viser import uplot
 
 from ual_tools.view.palette import Colour, css
-from ual_tools.view.track import CHART_S, Sample, Track
+from ual_tools.view.track import CHART_S, ChartSample, Track
 
 _EVERY_S = 0.5
 _MOST_UAVS = 10
@@ -89,7 +89,7 @@ class Chart:
             )
 
 
-def heights(samples: Sequence[Sequence[Sample]]) -> Columns:
+def heights(samples: Sequence[Sequence[ChartSample]]) -> Columns:
     """Returns the columns of a chart with the heights of several UAVs."""
     times = sorted({-CHART_S, 0.0, *(each.time_s for of_one in samples for each in of_one)})
     found = [{each.time_s: each.height_m for each in of_one} for of_one in samples]
@@ -97,7 +97,7 @@ def heights(samples: Sequence[Sequence[Sample]]) -> Columns:
     return np.array(times, np.float64), *lines
 
 
-def columns(samples: list[Sample]) -> Columns:
+def columns(samples: list[ChartSample]) -> Columns:
     """Returns the columns of the chart. It always has two ends, so that it has an axis without samples, too."""
     rows = [(each.time_s, each.height_m, each.speed_m_s, each.off_reference_m) for each in samples]
     table = np.array([(-CHART_S, *[np.nan] * 3), *rows, (0.0, *[np.nan] * 3)], np.float64)

@@ -10,7 +10,7 @@ from typing_extensions import override
 from ual.shared import extras
 from ual_tools.app import Multi, command
 from ual_tools.help import Section
-from ual_tools.session import Session, pass_session
+from ual_tools.session import CommandSession, pass_session
 from ual_tools.values import Whole
 from ual_tools.view.access import access
 from ual_tools.view.map_source import MOST_ZOOM, ZOOM, ground
@@ -20,7 +20,7 @@ _PORT = 8080
 _FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
 
 
-class Model(click.ParamType[tuple[str, str]]):
+class ModelParam(click.ParamType[tuple[str, str]]):
     """The model of one UAV, or of all of them: (its name or nothing, the model)."""
 
     name = "model"
@@ -46,7 +46,7 @@ class Model(click.ParamType[tuple[str, str]]):
     "--model",
     "models",
     multiple=True,
-    type=Model(),
+    type=ModelParam(),
     metavar="[UAV=]MODEL",
     help=f"{', '.join(MODEL_NAMES)}: of all UAVs, or of one. When not given, it follows from the backend.",
 )
@@ -66,7 +66,7 @@ class Model(click.ParamType[tuple[str, str]]):
 )
 @pass_session
 def view(
-    session: Session,
+    session: CommandSession,
     addresses: tuple[str, ...],
     control: bool,
     models: tuple[tuple[str, str], ...],

@@ -14,7 +14,7 @@ from ual import Uav
 from ual.errors import DaemonUnreachableError, UalError
 from ual.shared.guard import WorkGuard
 from ual_tools.output import error_text
-from ual_tools.view.fleet import Fleet, Member
+from ual_tools.view.fleet import PageFleet, PageMember
 from ual_tools.view.journal import Journal
 from ual_tools.view.orders import Order
 
@@ -45,7 +45,7 @@ class CommandQueue:
     `proposal` is what waits to be confirmed. `said` is how the last order went; `count` changes with both.
     """
 
-    def __init__(self, fleet: Fleet, journal: Journal) -> None:
+    def __init__(self, fleet: PageFleet, journal: Journal) -> None:
         self.proposal: Proposal | None = None
         self.said = ""
         self.count = 0
@@ -137,7 +137,7 @@ class CommandQueue:
         finally:
             free.release()
 
-    def _member(self, ns: str) -> Member:
+    def _member(self, ns: str) -> PageMember:
         member = self._fleet.members().get(ns)
         if member is None:
             raise DaemonUnreachableError(f"{ns} is not connected")

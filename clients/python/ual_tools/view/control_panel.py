@@ -22,7 +22,7 @@ from ual.simulation import (
 from ual_tools.simulation import fault_name
 from ual_tools.view import orders, panel
 from ual_tools.view.command_queue import CommandQueue, Proposal
-from ual_tools.view.fleet import Fleet
+from ual_tools.view.fleet import PageFleet
 from ual_tools.view.orders import Order
 from ual_tools.view.picture import Moment
 from ual_tools.view.scene import xyz
@@ -42,7 +42,7 @@ class ControlPanel:
     at once.
     """
 
-    def __init__(self, command_queue: CommandQueue, fleet: Fleet) -> None:
+    def __init__(self, command_queue: CommandQueue, fleet: PageFleet) -> None:
         self._command_queue = command_queue
         self._fleet = fleet
         self._ns = ""

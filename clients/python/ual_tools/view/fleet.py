@@ -19,12 +19,12 @@ from ual.types import Frame, Geofence, Info, Route, TaskStatus, Telemetry
 from ual_tools.network.feed import Feed, feeding
 from ual_tools.output import error_text
 from ual_tools.selection import chosen_daemons
-from ual_tools.session import Session
-from ual_tools.view.carried import Carried
+from ual_tools.session import CommandSession
+from ual_tools.view.carried import PayloadBoard
 from ual_tools.view.journal import Journal
 from ual_tools.view.taken import Taken
 from ual_tools.watch_board import Board
-from ual_tools.watch_roster import Roster, kept_up_to_date
+from ual_tools.watch_roster import WatchRoster, kept_up_to_date
 
 if TYPE_CHECKING:
     from ual.network import Network
@@ -42,7 +42,7 @@ _LOST_AFTER_S = 1.5
 
 
 @dataclass
-class Member:
+class PageMember:
     """Knowledge about one UAV apart from its telemetry.
 
     `frames`, `fence` and `route` are None where they are not known now, `route` also where no way is flown.
@@ -59,13 +59,13 @@ class Member:
     route_due_s: float = 0.0
     taken: Taken = field(default_factory=Taken)
     """Pictures that its cameras have taken."""
-    carried: Carried = field(default_factory=Carried)
+    carried: PayloadBoard = field(default_factory=PayloadBoard)
     """Grippers, winches, servos and relays, while a page shows them."""
     lease: Lease | None = None
     """Lease that the pages hold."""
 
 
-class Fleet:
+class PageFleet:
     """All UAVs of the page.
 
     Args:
@@ -75,7 +75,7 @@ class Fleet:
 
     """
 
-    def __init__(self, session: Session, addresses: Sequence[str], journal: Journal) -> None:
+    def __init__(self, session: CommandSession, addresses: Sequence[str], journal: Journal) -> None:
         self.board = Board([], RATE_HZ, _GONE_AFTER_S)
         self.board.lost_after_s = _LOST_AFTER_S
         self.wants_frames = False
@@ -89,8 +89,8 @@ class Fleet:
         self._session = session
         self._journal = journal
         self._named = [Named(address, session, self._say) for address in addresses]
-        self._members: dict[str, Member] = {}
-        self._roster = Roster(session, self.board, RATE_HZ, self._say, self._choose, self._attend)
+        self._members: dict[str, PageMember] = {}
+        self._roster = WatchRoster(session, self.board, RATE_HZ, self._say, self._choose, self._attend)
 
     @contextmanager
     def running_on(self, network: Network) -> Iterator[None]:
@@ -110,7 +110,7 @@ class Fleet:
             for each in self._named:
                 each.is_closed.set()
 
-    def members(self) -> Mapping[str, Member]:
+    def members(self) -> Mapping[str, PageMember]:
         """Returns the UAVs that are connected."""
         return dict(self._members)
 
@@ -130,7 +130,7 @@ class Fleet:
         self._journal.write("ual view", text.removeprefix("ual: "), time.time())
 
     def _attend(self, ns: str, uav: Uav, is_ended: threading.Event) -> None:
-        member = self._members[ns] = Member(uav, uav.info())
+        member = self._members[ns] = PageMember(uav, uav.info())
         try:
             while not is_ended.wait(_LOOK_S):
                 self._look(ns, member)
@@ -138,7 +138,7 @@ class Fleet:
             if self._members.get(ns) is member:  # else it was connected to anew
                 self._members.pop(ns)
 
-    def _look(self, ns: str, member: Member) -> None:
+    def _look(self, ns: str, member: PageMember) -> None:
         """Asks for what the telemetry does not have. What is not answered is not known."""
         seen = self.board.seen().get(ns)
         telemetry = None if seen is None else seen.telemetry
@@ -153,7 +153,7 @@ class Fleet:
         member.carried.look(member.uav.gripper, now_s, is_wanted=ns in self.wants_carried)
         self._look_at_lease(ns, member)
 
-    def _look_at_lease(self, ns: str, member: Member) -> None:
+    def _look_at_lease(self, ns: str, member: PageMember) -> None:
         """Writes down that the lease of the pages was lost. They fly without one from then on, if others let them."""
         lease = member.lease
         if lease is None or lease.lost is None:
@@ -162,7 +162,7 @@ class Fleet:
         member.lease = None
         lease.release()
 
-    def _look_at_task(self, ns: str, member: Member, telemetry: Telemetry | None) -> None:
+    def _look_at_task(self, ns: str, member: PageMember, telemetry: Telemetry | None) -> None:
         """Writes down how a task ended: the telemetry has only the one that runs."""
         present = _task_id(telemetry)
         for task_id in set(member.running) - {present}:
@@ -175,7 +175,7 @@ class Fleet:
         if present:
             member.running[present] = None
 
-    def _look_at_route(self, member: Member, telemetry: Telemetry | None, now_s: float) -> None:
+    def _look_at_route(self, member: PageMember, telemetry: Telemetry | None, now_s: float) -> None:
         """Asks for the way that is flown: of a task once, to a goal that moves again and again."""
         route = member.route
         if telemetry is None or telemetry.reference_pose is None:
@@ -206,7 +206,7 @@ def _answer(ask: Callable[[], T]) -> T | None:
 class Named:
     """A daemon at an address. Asks for its name until it answers."""
 
-    def __init__(self, address: str, session: Session, say: Callable[[str], None]) -> None:
+    def __init__(self, address: str, session: CommandSession, say: Callable[[str], None]) -> None:
         self.address = address
         self.found: Registration | None = None
         self.is_closed = threading.Event()

@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable
 from html import escape
 
 from ual_tools import condition
-from ual_tools.condition import Level
+from ual_tools.condition import Urgency
 from ual_tools.view.palette import css
 from ual_tools.view.shown import Shown
 
@@ -16,7 +16,7 @@ MARK_ATTRIBUTE = "data-ual-mark"
 """Of what chooses its UAV beside those that are chosen already."""
 TITLE_ATTRIBUTE = "data-ual-title"
 """Of the table: what the page's title says."""
-_CLASSES = {Level.FINE: "", Level.WARNING: "ual-warning", Level.ALARM: "ual-alarm"}
+_CLASSES = {Urgency.FINE: "", Urgency.WARNING: "ual-warning", Urgency.ALARM: "ual-alarm"}
 _STYLE = """<style>
 .ual-fleet { max-height: 34vh; overflow: auto; font-size: 0.8em; margin: 0.5em 0.8em; }
 .ual-fleet table { border-collapse: collapse; width: 100%; }
@@ -51,7 +51,7 @@ def table(uavs: Iterable[Shown], chosen: Collection[str], title: str) -> str:
 def with_alarms(title: str, uavs: Iterable[Shown]) -> str:
     """Returns the title of the page, with how many UAVs need attention in front."""
     known = [uav.how for uav in uavs]
-    if condition.worst(known) is Level.FINE:
+    if condition.worst(known) is Urgency.FINE:
         return title
     return f"{condition.summary(known).partition(';')[0]} - {title}"
 

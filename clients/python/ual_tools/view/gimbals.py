@@ -9,28 +9,28 @@ import viser
 
 from ual.geometry import Pose, Transform, Vector3
 from ual.types import Frame
-from ual_tools.view.fleet import Fleet
+from ual_tools.view.fleet import PageFleet
 from ual_tools.view.picture import Moment
-from ual_tools.view.scene import Line, Lines
+from ual_tools.view.scene import Line, SceneLines
 
 _CORNERS = tuple(Vector3(1.0, y, z) for y, z in ((0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2), (0.3, -0.2)))
 """Of its base, 1 m ahead of the gimbal."""
 
 
-class Gimbals:
+class PageGimbals:
     """The gimbals of all UAVs in the scene: none where no page wants them, or where it is not known how one looks."""
 
-    def __init__(self, scene: viser.SceneApi, fleet: Fleet) -> None:
+    def __init__(self, scene: viser.SceneApi, fleet: PageFleet) -> None:
         self._scene = scene
         self._fleet = fleet
-        self._drawn: dict[str, Lines] = {}
+        self._drawn: dict[str, SceneLines] = {}
 
     def update(self, moment: Moment) -> None:
         """Draws them as they are now."""
         found = self._found(moment) if self._fleet.wants_gimbals else {}
         for ns in found.keys() - self._drawn.keys():
             # Kept for good: viser remembers each path that was ever used.
-            self._drawn[ns] = Lines(self._scene, f"/gimbals/{len(self._drawn)}", moment.uavs[ns].mark)
+            self._drawn[ns] = SceneLines(self._scene, f"/gimbals/{len(self._drawn)}", moment.uavs[ns].mark)
         for ns, drawn in self._drawn.items():
             drawn.draw(found.get(ns, []))
 

@@ -8,10 +8,10 @@ from collections import deque
 from ual.errors import UalError
 from ual.shared.ages import without_seconds
 from ual.types import TaskInfo, TaskStatus, Telemetry
-from ual_tools.condition import Level
+from ual_tools.condition import Urgency
 from ual_tools.output import error_text, running_text
 from ual_tools.view.shown import Shown, clock_text
-from ual_tools.watch_board import Seen
+from ual_tools.watch_board import WatchedUav
 
 _MOST_LINES = 200
 _LONGEST = 300
@@ -26,9 +26,9 @@ class Journal:
         self._lines: deque[tuple[str, str]] = deque(maxlen=_MOST_LINES)
         self._states: dict[str, str] = {}
         self._text: dict[str, str] = {}
-        self._levels: dict[str, Level] = {}
+        self._levels: dict[str, Urgency] = {}
 
-    def look(self, uav: Shown, seen: Seen, utc_s: float) -> None:
+    def look(self, uav: Shown, seen: WatchedUav, utc_s: float) -> None:
         """Writes what has changed of a UAV since the last look."""
         telemetry = seen.telemetry
         if telemetry is None:
@@ -71,7 +71,7 @@ class Journal:
 
     def _note_alarm(self, uav: Shown, utc_s: float) -> None:
         """Writes when it becomes worse, with what is wrong then."""
-        before = self._levels.get(uav.ns, Level.FINE)
+        before = self._levels.get(uav.ns, Urgency.FINE)
         self._levels[uav.ns] = uav.how.level
         if uav.how.level > before:
             self.write(uav.ns, f"{uav.how.level.name}: {uav.how.text}", utc_s)

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import NamedTuple
 
 from ual.geometry import Vector3
-from ual_tools.view.camera import Camera
+from ual_tools.view.camera import PageCamera
 
 _LETTER_PX, _LINE_PX, _BORDER_PX = 6.4, 19.0, 8.0
 _MOST_LINES = 6
@@ -39,7 +39,7 @@ class _Box(NamedTuple):
         return not is_beside and abs(self.bottom - other.bottom) < _LINE_PX
 
 
-def laid_out(wanted: Iterable[Wanted], camera: Camera, fixed: Iterable[Fixed] = ()) -> dict[str, Vector3]:
+def laid_out(wanted: Iterable[Wanted], camera: PageCamera, fixed: Iterable[Fixed] = ()) -> dict[str, Vector3]:
     """Returns where each label stands in the scene; what is behind the camera, or has no room, is not there.
 
     A label that would cover another one, or a `fixed` one, is lifted. Urgent ones are placed first, then the nearest.
@@ -55,12 +55,12 @@ def laid_out(wanted: Iterable[Wanted], camera: Camera, fixed: Iterable[Fixed] = 
     return found
 
 
-def _in_order(wanted: Iterable[Wanted], camera: Camera) -> list[tuple[Wanted, tuple[float, float, float]]]:
+def _in_order(wanted: Iterable[Wanted], camera: PageCamera) -> list[tuple[Wanted, tuple[float, float, float]]]:
     seen = [(label, pixel) for label in wanted if (pixel := camera.pixel(label.place)) is not None]
     return sorted(seen, key=lambda each: (not each[0].is_urgent, each[1][2], each[0].name))
 
 
-def _pixels(place: Vector3, camera: Camera) -> Iterator[tuple[float, float]]:
+def _pixels(place: Vector3, camera: PageCamera) -> Iterator[tuple[float, float]]:
     if (pixel := camera.pixel(place)) is not None:
         yield pixel[0], pixel[1]
 

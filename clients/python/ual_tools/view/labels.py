@@ -7,8 +7,8 @@ from collections.abc import Callable, Iterable
 import viser
 
 from ual.geometry import Quaternion, Vector3
-from ual_tools.condition import Level
-from ual_tools.view.camera import Camera
+from ual_tools.condition import Urgency
+from ual_tools.view.camera import PageCamera
 from ual_tools.view.label_layout import Wanted, laid_out
 from ual_tools.view.scene import GROUND_LABELS, xyz
 from ual_tools.view.shown import Shown
@@ -57,13 +57,13 @@ class Labels:
         self._places[ns] = place
 
 
-def seen_by(client: viser.ClientHandle) -> Camera | None:
+def seen_by(client: viser.ClientHandle) -> PageCamera | None:
     """Returns the camera of a page; None while it has not told it."""
     camera = client.camera
     if not camera.image_height:
         return None
     w, x, y, z = map(float, camera.wxyz)
-    return Camera(
+    return PageCamera(
         Vector3(*map(float, camera.position)),
         Quaternion(x, y, z, w),
         float(camera.fov),
@@ -74,7 +74,7 @@ def seen_by(client: viser.ClientHandle) -> Camera | None:
 
 def _wanted(uav: Shown, top_m: float) -> Wanted:
     assert uav.body is not None
-    text = uav.ns if uav.how.level is Level.FINE else f"{uav.ns}: {uav.how.text}"
+    text = uav.ns if uav.how.level is Urgency.FINE else f"{uav.ns}: {uav.how.text}"
     text = text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
     above = uav.body.position + Vector3(0.0, 0.0, top_m)
-    return Wanted(uav.ns, text, above, is_urgent=uav.how.level is not Level.FINE)
+    return Wanted(uav.ns, text, above, is_urgent=uav.how.level is not Urgency.FINE)

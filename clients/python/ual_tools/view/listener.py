@@ -14,7 +14,7 @@ _NOTHING_LEFT = (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM)
 """asyncio tries again a second after these. Python before 3.14 then tries a hundred times at once, ever more often."""
 
 
-class Listener(socket.socket):
+class PageSocket(socket.socket):
     """Listens on an address.
 
     Args:

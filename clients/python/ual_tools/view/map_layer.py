@@ -16,11 +16,11 @@ from PIL import Image, UnidentifiedImageError
 from ual.geometry import Vector3
 from ual.shared.guard import WorkGuard
 from ual_tools import places
-from ual_tools.view.earth import Origin, Place, Tile, tiles_around
+from ual_tools.view.earth import EarthPlace, Origin, Tile, tiles_around
 from ual_tools.view.journal import Journal
-from ual_tools.view.map_source import Picture, Tiles
+from ual_tools.view.map_source import MapPicture, Tiles
 from ual_tools.view.scene import xyz
-from ual_tools.watch_board import Board, Seen
+from ual_tools.watch_board import Board, WatchedUav
 
 _LOOK_S = 1.0
 _RETRY_S = 30.0
@@ -46,14 +46,14 @@ class MapLayer:
 
     """
 
-    def __init__(self, scene: viser.SceneApi, board: Board, source: Tiles | Picture, journal: Journal) -> None:
+    def __init__(self, scene: viser.SceneApi, board: Board, source: Tiles | MapPicture, journal: Journal) -> None:
         self._scene = scene
         self._board = board
         self._source = source
         self._journal = journal
         self._origin: Origin | None = None
-        self._drawn: dict[Tile | Picture, viser.GlbHandle] = {}
-        self._retry_s: dict[Tile | Picture, float] = {}
+        self._drawn: dict[Tile | MapPicture, viser.GlbHandle] = {}
+        self._retry_s: dict[Tile | MapPicture, float] = {}
         self._said: set[str] = set()
         self._count = 0
 
@@ -80,7 +80,7 @@ class MapLayer:
         middle = _middle(seen)
         if self._origin is None or middle is None:
             return
-        if isinstance(self._source, Picture):
+        if isinstance(self._source, MapPicture):
             self._draw(self._source, self._origin)
             return
         wanted = tiles_around(self._origin.place_at(middle), self._source.zoom, _AROUND)
@@ -88,7 +88,7 @@ class MapLayer:
             self._draw(tile, self._origin)
         self._tidy(wanted)
 
-    def _draw(self, part: Tile | Picture, origin: Origin) -> None:
+    def _draw(self, part: Tile | MapPicture, origin: Origin) -> None:
         if part in self._drawn or time.monotonic() < self._retry_s.get(part, 0.0):
             return
         try:
@@ -104,8 +104,8 @@ class MapLayer:
             f"/map/{self._count}", mesh, cast_shadow=False, receive_shadow=False
         )
 
-    def _read(self, part: Tile | Picture) -> bytes:
-        if isinstance(part, Picture):
+    def _read(self, part: Tile | MapPicture) -> bytes:
+        if isinstance(part, MapPicture):
             return part.file.read_bytes()
         assert isinstance(self._source, Tiles)
         return self._source.read(part)
@@ -130,17 +130,17 @@ def quad(corners: Sequence[Vector3], image: Image.Image) -> trimesh.Trimesh:
     return trimesh.Trimesh(np.array([xyz(corner) for corner in corners]), _FACES, visual=visual, process=False)
 
 
-def origin_of(seen: Mapping[str, Seen]) -> Origin | None:
+def origin_of(seen: Mapping[str, WatchedUav]) -> Origin | None:
     """Returns where `map` is on Earth, by the first UAV that tells both."""
     for each in seen.values():
         t = each.telemetry
         place = None if t is None else places.position(t)
         if t is not None and place is not None and t.position_geo is not None:
-            return Origin.of(Place(t.position_geo.latitude_deg, t.position_geo.longitude_deg), place)
+            return Origin.of(EarthPlace(t.position_geo.latitude_deg, t.position_geo.longitude_deg), place)
     return None
 
 
-def _middle(seen: Mapping[str, Seen]) -> Vector3 | None:
+def _middle(seen: Mapping[str, WatchedUav]) -> Vector3 | None:
     """Returns the middle of all UAVs in `map`."""
     telemetry = (each.telemetry for each in seen.values())
     found = [place for t in telemetry if t is not None and (place := places.position(t)) is not None]

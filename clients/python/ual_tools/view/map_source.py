@@ -13,7 +13,7 @@ from pathlib import Path
 
 from ual.errors import InvalidArgumentError
 from ual.shared.numbers import parse_number
-from ual_tools.view.earth import Place, Tile
+from ual_tools.view.earth import EarthPlace, Tile
 
 ZOOM, MOST_ZOOM = 17, 22
 _LARGEST = 8 << 20
@@ -23,11 +23,11 @@ _SCHEMES = ("http", "https", "file")
 
 
 @dataclass(frozen=True)
-class Picture:
+class MapPicture:
     """One picture, and where its corners are: upper left, upper right, lower right, lower left."""
 
     file: Path
-    corners: tuple[Place, ...]
+    corners: tuple[EarthPlace, ...]
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,9 @@ class Tiles:
         return data
 
 
-def ground(tiles: str | None, zoom: int, picture: Path | None, corners: Sequence[str] | None) -> Tiles | Picture | None:
+def ground(
+    tiles: str | None, zoom: int, picture: Path | None, corners: Sequence[str] | None
+) -> Tiles | MapPicture | None:
     """Returns the map that the options say; None where there is none.
 
     Raises:
@@ -67,7 +69,7 @@ def ground(tiles: str | None, zoom: int, picture: Path | None, corners: Sequence
     if (picture is None) is not (corners is None):
         raise InvalidArgumentError("--map-picture and --map-corners: give both or none", {"field": "map_corners"})
     if picture is not None and corners is not None:
-        return Picture(picture, tuple(_place(corner) for corner in corners))
+        return MapPicture(picture, tuple(_place(corner) for corner in corners))
     if tiles is None:
         return None
     if not all(part in tiles for part in _PARTS):
@@ -78,11 +80,11 @@ def ground(tiles: str | None, zoom: int, picture: Path | None, corners: Sequence
     return Tiles(tiles, zoom)
 
 
-def _place(text: str) -> Place:
+def _place(text: str) -> EarthPlace:
     try:
         latitude_deg, longitude_deg = map(parse_number, text.split(","))
     except ValueError:
         raise InvalidArgumentError(f"--map-corners {text}: LAT,LON in degrees", {"field": "map_corners"}) from None
     if not (-90.0 <= latitude_deg <= 90.0 and -180.0 <= longitude_deg <= 180.0):
         raise InvalidArgumentError(f"--map-corners {text}: no place on Earth", {"field": "map_corners"})
-    return Place(latitude_deg, longitude_deg)
+    return EarthPlace(latitude_deg, longitude_deg)

@@ -11,7 +11,7 @@ from ual.geometry import Pose, PoseStamped, Vector3
 from ual.interface import Task
 from ual.types import State
 from ual_tools.output import plan_text, vector_text
-from ual_tools.view.fleet import Member
+from ual_tools.view.fleet import PageMember
 
 _FARTHEST_M = 5_000.0
 _HOLDER = "ual view"
@@ -80,7 +80,7 @@ def set_home() -> Order:
     return Order("set home", ask, lambda uav: uav.set_home())
 
 
-def take_lease(member: Member) -> Order:
+def take_lease(member: PageMember) -> Order:
     """Returns the order to make the pages the only ones that fly a UAV."""
 
     def ask(uav: Uav) -> str:

@@ -12,7 +12,7 @@ from ual_tools.view.camera import framing
 from ual_tools.view.chart import Chart
 from ual_tools.view.command_queue import CommandQueue
 from ual_tools.view.control_panel import ControlPanel
-from ual_tools.view.fleet import Fleet
+from ual_tools.view.fleet import PageFleet
 from ual_tools.view.journal import Journal
 from ual_tools.view.labels import Labels, seen_by
 from ual_tools.view.picture import Moment
@@ -37,7 +37,7 @@ class Page:
     def __init__(
         self,
         client: viser.ClientHandle,
-        fleet: Fleet,
+        fleet: PageFleet,
         journal: Journal,
         top_m: Callable[[str], float],
         title: str,

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from ual.types import Telemetry
 from ual_tools import watch_screen
 from ual_tools.view.shown import Shown, clock_text
-from ual_tools.watch_board import Seen
+from ual_tools.watch_board import WatchedUav
 
 _SPECIAL = re.compile(r"([\\`*_{}\[\]<>()#+!|~&$:-])")
 
@@ -39,7 +39,7 @@ def curtain(utc_s: float) -> str:
     return f"{_CURTAIN_STYLE}<div class='ual-curtain'><b>{text}</b></div>"
 
 
-def details(uav: Shown, seen: Seen, *, now_s: float, carried: Sequence[tuple[str, str]] = ()) -> str:
+def details(uav: Shown, seen: WatchedUav, *, now_s: float, carried: Sequence[tuple[str, str]] = ()) -> str:
     """Returns all that is known of a UAV. Of one that is lost it says so first, and nothing stands as the present.
 
     `carried` has a line for each thing that it carries. A UAV that is lost has none: what it was is no more known.

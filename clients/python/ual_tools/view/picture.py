@@ -10,7 +10,7 @@ from ual_tools.view.journal import Journal
 from ual_tools.view.pose_times import PoseTimes
 from ual_tools.view.shown import Shown, shown
 from ual_tools.view.track import Track
-from ual_tools.watch_board import Board, Seen
+from ual_tools.watch_board import Board, WatchedUav
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,12 +19,12 @@ class Moment:
 
     now_s: float
     utc_s: float
-    seen: Mapping[str, Seen]
+    seen: Mapping[str, WatchedUav]
     uavs: Mapping[str, Shown]
     tracks: Mapping[str, Track]
 
 
-class Picture:
+class PagePicture:
     """Looks at the board again and again, and remembers the tracks."""
 
     def __init__(self, board: Board, journal: Journal) -> None:
@@ -45,7 +45,7 @@ class Picture:
             self._journal.look(uav, seen[ns], utc_s)
         return Moment(now_s, utc_s, seen, uavs, self._tracks)
 
-    def _shown(self, ns: str, seen: Seen, now_s: float, utc_s: float) -> Shown:
+    def _shown(self, ns: str, seen: WatchedUav, now_s: float, utc_s: float) -> Shown:
         return shown(
             ns,
             seen,

@@ -13,11 +13,11 @@ from numpy.typing import NDArray
 
 from ual.cameras import OPTICAL, CameraIntrinsics, Image
 from ual.geometry import Pose, Transform, Vector3
-from ual_tools.view.fleet import Fleet
+from ual_tools.view.fleet import PageFleet
 from ual_tools.view.picture import Moment
-from ual_tools.view.scene import Line, Lines, wxyz, xyz
+from ual_tools.view.scene import Line, SceneLines, wxyz, xyz
 from ual_tools.view.shown import Shown
-from ual_tools.view.taken import Newest, Taken
+from ual_tools.view.taken import NewestPicture, Taken
 
 _log = logging.getLogger(__name__)
 
@@ -30,10 +30,10 @@ _WIDEST_PX = 320
 """Pictures are made smaller for the page."""
 
 
-class Pictures:
+class PagePictures:
     """The pictures of all UAVs in the scene: a cross at each place, and the last one where its camera was."""
 
-    def __init__(self, scene: viser.SceneApi, fleet: Fleet) -> None:
+    def __init__(self, scene: viser.SceneApi, fleet: PageFleet) -> None:
         self._scene = scene
         self._fleet = fleet
         self._drawn: dict[str, _OfUav] = {}
@@ -56,8 +56,8 @@ class _OfUav:
         self._scene = scene
         self._path = path
         self._colour = uav.mark
-        self._places = Lines(scene, f"{path}/places", uav.mark)
-        self._shown: tuple[Newest, Transform] | None = None
+        self._places = SceneLines(scene, f"{path}/places", uav.mark)
+        self._shown: tuple[NewestPicture, Transform] | None = None
         self._frustum: viser.CameraFrustumHandle | None = None
 
     def update(self, taken: Taken, odom: Transform | None) -> None:
@@ -70,7 +70,7 @@ class _OfUav:
             self._draw_last(shown)
             self._shown = shown  # after it: what viser has not drawn is drawn again
 
-    def _draw_last(self, shown: tuple[Newest, Transform] | None) -> None:
+    def _draw_last(self, shown: tuple[NewestPicture, Transform] | None) -> None:
         before, self._frustum = self._frustum, None
         if before is not None:
             before.remove()

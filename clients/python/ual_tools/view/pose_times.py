@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Container
 
-from ual_tools.watch_board import Seen
+from ual_tools.watch_board import WatchedUav
 
 
 class PoseTimes:
@@ -13,7 +13,7 @@ class PoseTimes:
     def __init__(self) -> None:
         self._known: dict[str, tuple[float, float]] = {}
 
-    def since_s(self, ns: str, seen: Seen, now_s: float) -> float | None:
+    def since_s(self, ns: str, seen: WatchedUav, now_s: float) -> float | None:
         """Returns the monotonic time at which the newest pose came; None where there is none, or none with a time."""
         telemetry = seen.telemetry
         if telemetry is None or telemetry.transform is None or not telemetry.stamp_s:

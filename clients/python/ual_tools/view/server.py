@@ -24,9 +24,9 @@ from websockets.http11 import Request, Response
 from websockets.protocol import State
 
 from ual.errors import InvalidArgumentError
-from ual_tools.view.access import Access
+from ual_tools.view.access import PageAccess
 from ual_tools.view.guard import HEADERS, Guard
-from ual_tools.view.listener import Listener
+from ual_tools.view.listener import PageSocket
 from ual_tools.view.shell import with_shell
 
 _LARGEST_MESSAGE = 1 << 20
@@ -46,7 +46,7 @@ class PageServer(viser.ViserServer):
 
 
 @contextmanager
-def serving(access: Access, title: str, say: Callable[[str], None]) -> Iterator[PageServer]:
+def serving(access: PageAccess, title: str, say: Callable[[str], None]) -> Iterator[PageServer]:
     """Serves the page of this title while the block runs. `say` takes why browsers cannot connect, human-readable.
 
     Raises:
@@ -64,10 +64,10 @@ def serving(access: Access, title: str, say: Callable[[str], None]) -> Iterator[
             server.stop()
 
 
-def _listener(host: str, port: int, say: Callable[[str], None]) -> Listener:
+def _listener(host: str, port: int, say: Callable[[str], None]) -> PageSocket:
     """Returns the socket of an address. viser's own would try a thousand other ports, and then wait for ever."""
     try:
-        return Listener(host, port, say)
+        return PageSocket(host, port, say)
     except OSError as error:
         number = error.errno or 0
         why = os.strerror(number) if number > 0 else error.strerror  # Python adds the address to its own words
@@ -87,7 +87,7 @@ _log.addFilter(_is_ours)
 class _Sockets:
     """The socket that listens, and the connections of the page's server, once it has begun."""
 
-    def __init__(self, listener: Listener) -> None:
+    def __init__(self, listener: PageSocket) -> None:
         self.listener = listener
         self._loop: asyncio.AbstractEventLoop | None = None
         self._serving: Any = None
@@ -109,7 +109,7 @@ class _Sockets:
 
 
 @contextmanager
-def _guarded(access: Access, title: str, sockets: _Sockets) -> Iterator[None]:
+def _guarded(access: PageAccess, title: str, sockets: _Sockets) -> Iterator[None]:
     real = websockets_server.serve
 
     def serve(handler: Any, _host: str, _port: int, *, process_request: _Answer, **options: Any) -> Any:  # noqa: ANN401 (websockets' own)

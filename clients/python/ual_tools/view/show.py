@@ -13,19 +13,19 @@ from itertools import count
 import viser
 
 from ual.geometry import Vector3
-from ual_tools.session import Session
-from ual_tools.view.access import Access
+from ual_tools.session import CommandSession
+from ual_tools.view.access import PageAccess
 from ual_tools.view.command_queue import CommandQueue
 from ual_tools.view.fences import Fences
-from ual_tools.view.fleet import RATE_HZ, Fleet
-from ual_tools.view.gimbals import Gimbals
+from ual_tools.view.fleet import RATE_HZ, PageFleet
+from ual_tools.view.gimbals import PageGimbals
 from ual_tools.view.journal import Journal
-from ual_tools.view.map_source import Picture, Tiles
+from ual_tools.view.map_source import MapPicture, Tiles
 from ual_tools.view.models import MODELS
 from ual_tools.view.page import Page
 from ual_tools.view.picture import Moment
-from ual_tools.view.picture import Picture as Looker
-from ual_tools.view.pictures import Pictures
+from ual_tools.view.picture import PagePicture as Looker
+from ual_tools.view.pictures import PagePictures
 from ual_tools.view.scene import Scene
 from ual_tools.view.server import serving
 from ual_tools.view.shown import MODEL_NAMES
@@ -47,7 +47,7 @@ class Choice:
 
     addresses: Sequence[str] = ()
     models: Mapping[str, str] = field(default_factory=dict)
-    ground: Tiles | Picture | None = None
+    ground: Tiles | MapPicture | None = None
 
 
 def title(*, control: bool) -> str:
@@ -55,10 +55,10 @@ def title(*, control: bool) -> str:
     return f"UAL{' - CONTROL' if control else ''}"
 
 
-def show(session: Session, choice: Choice, where: Access, *, control: bool) -> None:
+def show(session: CommandSession, choice: Choice, where: PageAccess, *, control: bool) -> None:
     """Serves the page until Ctrl-C."""
     journal = Journal()
-    fleet = Fleet(session, choice.addresses, journal)
+    fleet = PageFleet(session, choice.addresses, journal)
     # What flies does so over gRPC, and so needs a connection to each.
     joined = None if control else session.joined
     running = fleet.running() if joined is None else fleet.running_on(joined.network())
@@ -83,7 +83,7 @@ class Viewer:
     """
 
     def __init__(
-        self, server: viser.ViserServer, fleet: Fleet, journal: Journal, choice: Choice, *, control: bool
+        self, server: viser.ViserServer, fleet: PageFleet, journal: Journal, choice: Choice, *, control: bool
     ) -> None:
         self._server = server
         self._fleet = fleet
@@ -92,8 +92,8 @@ class Viewer:
         self._picture = Looker(fleet.board, journal)
         self._choice = choice
         self._fences = Fences(server.scene, fleet)
-        self._pictures = Pictures(server.scene, fleet)
-        self._gimbals = Gimbals(server.scene, fleet)
+        self._pictures = PagePictures(server.scene, fleet)
+        self._gimbals = PageGimbals(server.scene, fleet)
         self._scene = Scene(server.scene, self._model_of, self._way_of)
         self._lock = threading.Lock()
         self._pages: dict[int, Page] = {}

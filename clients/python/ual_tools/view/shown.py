@@ -12,10 +12,10 @@ from datetime import datetime, timezone
 from ual.geometry import Pose, Transform
 from ual.types import State, Telemetry
 from ual_tools import condition, places
-from ual_tools.condition import Condition, Level, problem
+from ual_tools.condition import UavCondition, Urgency, problem
 from ual_tools.output import running_text
 from ual_tools.view.palette import Colour
-from ual_tools.watch_board import Seen
+from ual_tools.watch_board import WatchedUav
 
 MODEL_NAMES = ("quadrotor", "hexarotor", "manipulator", "crazyflie")
 
@@ -44,7 +44,7 @@ class Shown:
     ns: str
     label: str
     colour: Colour
-    how: Condition = Condition()  # noqa: RUF009 (frozen)
+    how: UavCondition = UavCondition()  # noqa: RUF009 (frozen)
     battery: str = ""
     mark: Colour = GREY
     task: str = ""
@@ -62,7 +62,7 @@ class Shown:
 
 def shown(
     ns: str,
-    seen: Seen,
+    seen: WatchedUav,
     *,
     now_s: float,
     utc_s: float,
@@ -86,7 +86,7 @@ def shown(
     since_s = seen.since_s if pose_since_s is None else pose_since_s
     age_s = now_s - since_s
     lost = _lost_text(seen, since_s, now_s=now_s, utc_s=utc_s, lost_after_s=lost_after_s)
-    how = Condition(Level.ALARM, "LOST", lost, lost) if lost else condition.of_seen(seen, now_s, math.inf)
+    how = UavCondition(Urgency.ALARM, "LOST", lost, lost) if lost else condition.of_seen(seen, now_s, math.inf)
     if telemetry is None:
         return Shown(ns, f"{ns}: {lost or 'no telemetry yet'}", GREY, how, mark=mark)
     body, odom = places.body(telemetry), places.odom(telemetry)
@@ -118,7 +118,7 @@ def clock_text(utc_s: float) -> str:
     return f"{datetime.fromtimestamp(utc_s, timezone.utc):%H:%M:%S} UTC"
 
 
-def _lost_text(seen: Seen, pose_since_s: float, *, now_s: float, utc_s: float, lost_after_s: float) -> str:
+def _lost_text(seen: WatchedUav, pose_since_s: float, *, now_s: float, utc_s: float, lost_after_s: float) -> str:
     """Returns since when the UAV is lost, and why; nothing while its sample may be taken for the present."""
     what, since_s, t = problem(seen, now_s, lost_after_s), seen.since_s, seen.telemetry
     if not what and t is not None and now_s - pose_since_s >= lost_after_s:

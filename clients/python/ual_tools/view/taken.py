@@ -17,7 +17,7 @@ _LOOK_S = 1.0
 _MOST_LATE = 3
 
 
-class Newest(NamedTuple):
+class NewestPicture(NamedTuple):
     """The picture that was taken last. `lens` is None where the camera does not know it, `image` where none came."""
 
     number: int
@@ -32,7 +32,7 @@ class Taken:
     def __init__(self) -> None:
         self.photos: tuple[Photo, ...] = ()
         """The last ones, of all cameras, oldest first."""
-        self.newest: Newest | None = None
+        self.newest: NewestPicture | None = None
         self._kept: deque[Photo] = deque(maxlen=MOST_PLACES)
         self._new: defaultdict[int, NewPhotos] = defaultdict(NewPhotos)
         self._asked_for: tuple[int, Photo] | None = None
@@ -66,7 +66,7 @@ class Taken:
         camera = cameras[info.number]
         for photo in self._new[info.number].of(camera):
             self._kept.append(photo)
-            self.newest = Newest(info.number, photo, info.intrinsics, None)
+            self.newest = NewestPicture(info.number, photo, info.intrinsics, None)
             self._late_count = 0
             self.photos = tuple(self._kept)
         newest = self.newest

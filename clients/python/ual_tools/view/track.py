@@ -21,7 +21,7 @@ _JUMP_M = 20.0
 
 
 @dataclass(frozen=True, slots=True)
-class Sample:
+class ChartSample:
     """One point of the chart. What is not known is not a number."""
 
     time_s: float
@@ -36,7 +36,7 @@ class Track:
     def __init__(self) -> None:
         self._pieces: deque[tuple[Vector3, Vector3]] = deque(maxlen=_MOST_PIECES)
         self._last: Vector3 | None = None
-        self._samples: deque[Sample] = deque()
+        self._samples: deque[ChartSample] = deque()
 
     def add(self, now_s: float, uav: Shown) -> None:
         """Takes note of where the UAV is now. While it is lost there is a gap."""
@@ -45,17 +45,17 @@ class Track:
             self._samples.popleft()
         if not uav.is_lost and (not self._samples or now_s - self._samples[-1].time_s >= _CHART_PERIOD_S):
             self._samples.append(
-                Sample(now_s, _number(uav.height_m), _number(uav.speed_m_s), _number(uav.off_reference_m))
+                ChartSample(now_s, _number(uav.height_m), _number(uav.speed_m_s), _number(uav.off_reference_m))
             )
 
     def trail(self) -> list[tuple[Vector3, Vector3]]:
         """Returns the pieces of the trail, in `map`, the oldest first."""
         return list(self._pieces)
 
-    def chart(self, now_s: float) -> list[Sample]:
+    def chart(self, now_s: float) -> list[ChartSample]:
         """Returns the samples of the last minute, their times in seconds before now (negative)."""
         return [
-            Sample(each.time_s - now_s, each.height_m, each.speed_m_s, each.off_reference_m)
+            ChartSample(each.time_s - now_s, each.height_m, each.speed_m_s, each.off_reference_m)
             for each in tuple(self._samples)
         ]
 

@@ -9,7 +9,7 @@ from ual_msgs.msg import Geofence, Info, Lease
 import ual
 
 
-class Asked:
+class LatchedTopics:
     """Hears the topics, and reads what came last."""
 
     def __init__(self, client: Client, ns: str) -> None:

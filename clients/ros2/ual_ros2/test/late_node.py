@@ -12,7 +12,7 @@ from functools import partial
 from pathlib import Path
 
 from ual_ros2 import interface, node
-from ual_ros2.lateness import Lateness, Pulse
+from ual_ros2.lateness import LatenessCheck, ProgramPulse
 
 
 def main(file: Path, arguments: list[str]) -> None:
@@ -21,7 +21,10 @@ def main(file: Path, arguments: list[str]) -> None:
     def late_s() -> float:
         return float(file.read_text(encoding="utf-8"))
 
-    clocked = {"Lateness": partial(Lateness, utc_s=lambda: time.time() + late_s()), "Pulse": partial(Pulse, late_s)}
+    clocked = {
+        "Lateness": partial(LatenessCheck, utc_s=lambda: time.time() + late_s()),
+        "Pulse": partial(ProgramPulse, late_s),
+    }
     vars(interface).update(clocked)
     node.main(arguments)
 

@@ -28,7 +28,7 @@ def info_of(call: Call, task_id: str) -> ual.TaskInfo:
     return read_task(call(srv.GetTask, "get_task", task_id=task_id).task)
 
 
-class KnownTask(Task):
+class RosTask(Task):
     """A task that is known by its identifier."""
 
     def __init__(self, call: Call, task_id: str, kind: ual.TaskKind) -> None:
@@ -75,7 +75,7 @@ class KnownTask(Task):
         yield self.info()
 
 
-class Manoeuvre(KnownTask):
+class ActionGoal(RosTask):
     """A goal of an action. Until it has begun, it has no identifier."""
 
     def __init__(self, client: Client, call: Call, kind: Any, ns: str, name: str, fields: Mapping[str, Any]) -> None:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields as fields_of
 from typing import Any, NoReturn
 
-from asked import Asked
+from asked import LatchedTopics
 from derived_members import BesideMembers
 from derived_values import (
     ask_add_frame,
@@ -29,7 +29,7 @@ from inexpressible import InexpressibleError
 from reading import error_of
 from ros_beside import Asking, Beside
 from ros_setpoints import Setpoints
-from ros_tasks import KnownTask, Manoeuvre, info_of
+from ros_tasks import ActionGoal, RosTask, info_of
 from std_srvs.srv import Trigger
 from telling import Told
 from typing_extensions import Self
@@ -85,7 +85,7 @@ class RosUav(BesideMembers):
         self._is_simulated = is_simulated
         self._now_s = now_s
         self._told = Told(client, ns)
-        self._asked = Asked(client, ns)
+        self._asked = LatchedTopics(client, ns)
         self._setpoints = Setpoints(client, ns, self._call)
         waited(lambda: self.telemetry().transform is not None)
 
@@ -134,9 +134,9 @@ class RosUav(BesideMembers):
             if not any(each for field, each in fields.items() if field not in there):
                 given = {field: each for field, each in fields.items() if field in there}
                 answer = self._asking.ask(service, name, **given, blocking=True)
-                return KnownTask(self._call, answer.task_id, ual.TaskKind[name.upper()])
+                return RosTask(self._call, answer.task_id, ual.TaskKind[name.upper()])
         goal = self._asking.filled(kind.Goal, fields)
-        manoeuvre = Manoeuvre(self._client, self._call, kind, self.ns, name, goal)
+        manoeuvre = ActionGoal(self._client, self._call, kind, self.ns, name, goal)
         if limit_s is not None:
             manoeuvre.wait_or_cancel(limit_s)
         elif blocking:
@@ -205,7 +205,7 @@ class RosUav(BesideMembers):
         return self._asked.lease()
 
     def task(self, task_id: str) -> Task:
-        return KnownTask(self._call, task_id, info_of(self._call, task_id).kind)
+        return RosTask(self._call, task_id, info_of(self._call, task_id).kind)
 
     @property
     def dry_run(self) -> DryRun[ual.types.Plan]:
@@ -248,7 +248,7 @@ class RosUav(BesideMembers):
             raise ual.errors.from_reason(reason, message, json.loads(metadata or "{}"))
 
     def _fly_mission(self, fields: Mapping[str, Any]) -> ual.TaskInfo:
-        manoeuvre = Manoeuvre(self._client, self._call, action.FlyMission, self.ns, "fly_mission", fields)
+        manoeuvre = ActionGoal(self._client, self._call, action.FlyMission, self.ns, "fly_mission", fields)
         manoeuvre.wait_until_begun()
         return manoeuvre.info()
 

@@ -22,11 +22,11 @@ from geometry_msgs.msg import PoseStamped, TwistStamped
 from ual_msgs import action, srv
 
 import ual
-from ual_ros2.command import Command
-from ual_ros2.contact import Contact
+from ual_ros2.command import RosCommand
+from ual_ros2.contact import DaemonContact
 from ual_ros2.interface import UavInterface
-from ual_ros2.lateness import Lateness
-from ual_ros2.outcome import Outcome
+from ual_ros2.lateness import LatenessCheck
+from ual_ros2.outcome import CommandOutcome
 
 UAL = "/uav_1/ual"
 LATE_S = 3.1
@@ -113,8 +113,8 @@ class Waiting(UavInterface):
     def __init__(self) -> None:
         self._ns, self._is_active, self._not_leased, self._commands = "uav_1", True, None, set()
         self._now_s = 100.0
-        self._lateness = Lateness(is_refused=True, utc_s=lambda: self._now_s)
-        self._contact = Contact(AsyncMock(), 30.0, lambda: 0.0)
+        self._lateness = LatenessCheck(is_refused=True, utc_s=lambda: self._now_s)
+        self._contact = DaemonContact(AsyncMock(), 30.0, lambda: 0.0)
         frames: Any = SimpleNamespace(provide=self._provide)
         self._frames = frames
 
@@ -123,9 +123,9 @@ class Waiting(UavInterface):
 
 
 def test_a_command_that_waited_too_long_for_its_frame_is_not_flown() -> None:
-    command = Command("set_velocity", srv.SetVelocity, lambda *_: pytest.fail("it is flown"))
+    command = RosCommand("set_velocity", srv.SetVelocity, lambda *_: pytest.fail("it is flown"))
 
-    async def check() -> Outcome:
+    async def check() -> CommandOutcome:
         return await Waiting().begin_command(command, srv.SetVelocity.Request(), 100.0).task
 
     assert asyncio.run(check()).reason == "TIMEOUT"

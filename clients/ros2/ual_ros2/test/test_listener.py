@@ -19,7 +19,7 @@ from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
-from ual_ros2.listener import Listener
+from ual_ros2.listener import TopicListener
 from ual_ros2.node import UalNode
 
 BEST_EFFORT = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -53,7 +53,7 @@ class Heard:
 
 
 @contextmanager
-def spinning(listener: Listener) -> Iterator[threading.Thread]:
+def spinning(listener: TopicListener) -> Iterator[threading.Thread]:
     thread = threading.Thread(target=listener.spin, name="own")
     thread.start()
     try:
@@ -74,7 +74,7 @@ def publish_until(publisher: Any, number: float, heard: Heard) -> None:
 
 def test_it_hears_on_its_own_thread_without_an_executor(node: Any) -> None:
     heard, later = Heard(), Heard()
-    listener = Listener(node)
+    listener = TopicListener(node)
     assert listener.waits_itself
     listener.subscribe(Vector3, "/first", heard, BEST_EFFORT)
     with spinning(listener):
@@ -86,7 +86,7 @@ def test_it_hears_on_its_own_thread_without_an_executor(node: Any) -> None:
 
 def test_the_executor_leaves_the_topics_to_it(node: Any) -> None:
     heard, others = Heard(), Heard()
-    listener = Listener(node)
+    listener = TopicListener(node)
     listener.subscribe(Vector3, "/topic", heard, BEST_EFFORT)
     node.create_subscription(Vector3, "/topic", others, BEST_EFFORT)
     publisher = node.create_publisher(Vector3, "/topic", BEST_EFFORT)
@@ -113,7 +113,7 @@ def test_what_is_known_of_a_message_comes_with_it(node: Any) -> None:
         stamps_ns.append(info["source_timestamp"])
         heard(message)
 
-    listener = Listener(node)
+    listener = TopicListener(node)
     listener.subscribe(Vector3, "/topic", on_message, BEST_EFFORT)
     with spinning(listener):
         publish_until(node.create_publisher(Vector3, "/topic", BEST_EFFORT), 1.0, heard)
@@ -122,7 +122,7 @@ def test_what_is_known_of_a_message_comes_with_it(node: Any) -> None:
 
 def test_what_is_unsubscribed_is_heard_no_more(node: Any) -> None:
     heard, others = Heard(), Heard()
-    listener = Listener(node)
+    listener = TopicListener(node)
     ended = listener.subscribe(Vector3, "/topic", heard, BEST_EFFORT)
     listener.subscribe(Vector3, "/topic", others, BEST_EFFORT)
     publisher = node.create_publisher(Vector3, "/topic", BEST_EFFORT)
@@ -136,7 +136,7 @@ def test_what_is_unsubscribed_is_heard_no_more(node: Any) -> None:
 
 def test_a_publisher_that_does_not_fit_is_told(node: Any) -> None:
     told: list[Any] = []
-    listener = Listener(node)
+    listener = TopicListener(node)
     callbacks = SubscriptionEventCallbacks(incompatible_qos=told.append)
     listener.subscribe(Vector3, "/topic", Heard(), RELIABLE, event_callbacks=callbacks)
     with spinning(listener):
@@ -148,7 +148,7 @@ def test_what_a_callback_raises_ends_it(node: Any) -> None:
     def fail(_: Vector3) -> None:
         raise ZeroDivisionError
 
-    listener = Listener(node)
+    listener = TopicListener(node)
     listener.subscribe(Vector3, "/topic", fail, BEST_EFFORT)
     publisher = node.create_publisher(Vector3, "/topic", BEST_EFFORT)
     timer = threading.Timer(0.0, lambda: waited(lambda: publisher.publish(Vector3()) or failed.is_set()))
@@ -165,7 +165,7 @@ def test_the_executor_hears_where_this_rclpy_cannot(node: Any, monkeypatch: pyte
     heard = Heard()
     with monkeypatch.context() as without:
         without.delattr(f"{rclpy_implementation.__name__}.{missing}")
-        listener = Listener(node)
+        listener = TopicListener(node)
     assert not listener.waits_itself
     listener.subscribe(Vector3, "/topic", heard, BEST_EFFORT)
     publisher = node.create_publisher(Vector3, "/topic", BEST_EFFORT)

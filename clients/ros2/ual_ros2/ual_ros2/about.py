@@ -37,11 +37,11 @@ class About:
         self._uav = uav
         self._refused = self._publisher(Refusal, "refusals", topics.RELIABLE)
         self._asked = [
-            _Asked(self._publisher(Info, "info"), uav.info, self._info),
-            _Asked(self._publisher(Geofence, "geofence"), self._ask_geofence, self._geofence),
-            _Asked(self._publisher(Lease, "lease"), uav.lease_info, self._lease),
+            _LatchedTopic(self._publisher(Info, "info"), uav.info, self._info),
+            _LatchedTopic(self._publisher(Geofence, "geofence"), self._ask_geofence, self._geofence),
+            _LatchedTopic(self._publisher(Lease, "lease"), uav.lease_info, self._lease),
         ]
-        self._route = _Asked(self._publisher(Path, "route"), uav.route, self._path)
+        self._route = _LatchedTopic(self._publisher(Path, "route"), uav.route, self._path)
         self._position = self._publisher(GeoPosition, "position_geo", topics.SENSOR_DATA)
         self._task_id = ""
         self._has_changed = asyncio.Event()
@@ -139,7 +139,7 @@ class About:
         return message
 
 
-class _Asked:
+class _LatchedTopic:
     """A topic that keeps its last message, and what it has told."""
 
     def __init__(

@@ -30,7 +30,7 @@ _TOPICS = {
 }
 
 
-class Cameras:
+class RosCameras:
     """All cameras of one UAV. Only the event loop calls it.
 
     Args:

@@ -57,7 +57,7 @@ def _no_more(_: Message, __: Message) -> bool:
 
 
 @dataclass(frozen=True)
-class Command:
+class RosCommand:
     """A service or action below ``<ns>/ual/``."""
 
     name: str
@@ -93,7 +93,7 @@ class Command:
 
 
 @dataclass(frozen=True)
-class Action(Command):
+class ActionCommand(RosCommand):
     """An action, and whether it can be cancelled where there is a safety pilot: take-offs and landings cannot."""
 
     can_be_cancelled: bool = True

@@ -11,7 +11,7 @@ from typing import Generic, TypeVar
 
 import ual
 from ual.shared.waiting import ends_within
-from ual_ros2.outcome import Outcome
+from ual_ros2.outcome import CommandOutcome
 
 T = TypeVar("T")
 
@@ -22,7 +22,7 @@ CONFIRM_S = 5.0
 AGAIN_S = 0.05
 
 
-class Contact(Generic[T]):
+class DaemonContact(Generic[T]):
     """The contact to one daemon. Only the event loop calls it.
 
     Args:
@@ -81,8 +81,12 @@ class Contact(Generic[T]):
 
 
 async def confirmed(
-    ended: Outcome, running_id: Callable[[], Awaitable[str]], own_id: str, known_id: str, limit_s: float = CONFIRM_S
-) -> Outcome:
+    ended: CommandOutcome,
+    running_id: Callable[[], Awaitable[str]],
+    own_id: str,
+    known_id: str,
+    limit_s: float = CONFIRM_S,
+) -> CommandOutcome:
     """Returns how a cancelled goal has ended: as cancelled only once the daemon says that its task runs no more.
 
     Args:
@@ -100,7 +104,7 @@ async def confirmed(
     except ual.UalError as error:
         why = f"{error.reason}: {error.message}"
     text = f"{ended.message}. The daemon has not said that it has ended ({why}): it may still fly. Watch `state`"
-    return Outcome("TIMEOUT", text, ended.metadata)
+    return CommandOutcome("TIMEOUT", text, ended.metadata)
 
 
 async def _until_ended(running_id: Callable[[], Awaitable[str]], own_id: str, known_id: str) -> None:

@@ -12,7 +12,7 @@ import ual
 from ual_ros2 import paths, routes, values
 from ual_ros2.beside.fields import Fields
 from ual_ros2.beside.filling import Filling
-from ual_ros2.command import Action, Command, Flyer, Serves, Service
+from ual_ros2.command import ActionCommand, Flyer, RosCommand, Serves, Service
 from ual_ros2.derived.calls import CALLS, FLIGHTS
 from ual_ros2.derived.services import FLYING, TASKS
 from ual_ros2.derived.values import plan_fields, task_fields
@@ -90,17 +90,17 @@ _MORE: Mapping[str, Mapping[str, Any]] = {
 """Tasks of the node in addition to the call."""
 SERVICES = (
     *(_FILLING.command(each, _CALLS[each.name], **_MORE.get(each.name, {})) for each in FLYING),
-    Command("recover_from_manual", Empty, lambda uav, _: uav.recover_from_manual()),
-    Command("recover", Trigger, lambda uav, _: uav.recover_from_manual(), method="RecoverFromManual"),
-    Command("cancel_task", srv.OrderTask, _cancel_task, method="Abort"),
-    Command("pause_task", srv.OrderTask, _pause_task, method="Pause"),
-    Command("resume_task", srv.OrderTask, _resume_task, method="Resume"),
+    RosCommand("recover_from_manual", Empty, lambda uav, _: uav.recover_from_manual()),
+    RosCommand("recover", Trigger, lambda uav, _: uav.recover_from_manual(), method="RecoverFromManual"),
+    RosCommand("cancel_task", srv.OrderTask, _cancel_task, method="Abort"),
+    RosCommand("pause_task", srv.OrderTask, _pause_task, method="Pause"),
+    RosCommand("resume_task", srv.OrderTask, _resume_task, method="Resume"),
 )
 _ENDS_BY_PILOT = ("take_off", "land")
 """Take-offs and landings are not cancelled where there is a safety pilot."""
 
 
-def _action(task: Service) -> Action:
+def _action(task: Service) -> ActionCommand:
     """Returns the action of a motion, which may only be asked what it would be."""
     fly = FLIGHTS[task.name]
 
@@ -108,7 +108,7 @@ def _action(task: Service) -> Action:
         ended: Any = await fly(uav.dry_run if goal.dry_run else uav, goal)
         return {"plan": plan_fields(ended)} if isinstance(ended, ual.types.Plan) else {"task_id": ended.id}
 
-    return Action(
+    return ActionCommand(
         task.name,
         task.kind,
         fly_or_ask,

@@ -12,10 +12,10 @@ from tf2_msgs.msg import TFMessage
 
 import ual
 from ual_ros2 import topics, values
-from ual_ros2.listener import Listener
+from ual_ros2.listener import TopicListener
 from ual_ros2.messages import Entity, Message
 from ual_ros2.ros_time import RosTime
-from ual_ros2.tf_buffer import Found, TfBuffer
+from ual_ros2.tf_buffer import FoundTransform, TfBuffer
 
 _log = logging.getLogger(__name__)
 
@@ -38,7 +38,7 @@ class Tf:
 
     """
 
-    def __init__(self, node: Entity, time: RosTime, listener: Listener, tolerance_s: float) -> None:
+    def __init__(self, node: Entity, time: RosTime, listener: TopicListener, tolerance_s: float) -> None:
         self.moving = node.create_publisher(TFMessage, "/tf", **topics.overridable(topics.TF))
         self._static = node.create_publisher(TFMessage, "/tf_static", **topics.overridable(topics.LATCHED))
         self._node = node
@@ -115,7 +115,7 @@ class Frames:
         self._known: frozenset[str] = frozenset()
         self._told: frozenset[str] = frozenset()
         """The frames of this daemon that tf has from here."""
-        self._given: dict[str, Found] = {}
+        self._given: dict[str, FoundTransform] = {}
         """The frames that this daemon has from tf, as it was told last."""
         self._moving: set[str] = set()
         """Frames among them that have moved."""
@@ -180,7 +180,7 @@ class Frames:
             except ual.UalError as error:
                 _log.warning("the frame %s was not removed: %s", frame_id, error)
 
-    async def _appears(self, frame_id: str) -> Found | None:
+    async def _appears(self, frame_id: str) -> FoundTransform | None:
         tf = self._tf.listened()
         until_s = self._tf.complete_s()
         while True:
@@ -189,11 +189,11 @@ class Frames:
                 return found
             await asyncio.sleep(FEED_S)
 
-    async def _give(self, frame_id: str, found: Found) -> None:
+    async def _give(self, frame_id: str, found: FoundTransform) -> None:
         await self._uav.add_frame(found.link)
         self._given[frame_id] = found
 
-    async def _give_again(self, frame_id: str, found: Found) -> None:
+    async def _give_again(self, frame_id: str, found: FoundTransform) -> None:
         try:
             await self._give(frame_id, found)
         except ual.UalError as error:

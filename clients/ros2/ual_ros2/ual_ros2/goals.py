@@ -11,14 +11,14 @@ from rclpy.action import ActionServer, CancelResponse
 
 import ual
 from ual_ros2 import contact, outcome, values
-from ual_ros2.command import Action
+from ual_ros2.command import ActionCommand
 from ual_ros2.messages import Entity, Message
-from ual_ros2.outcome import Before, Outcome, Run
+from ual_ros2.outcome import Before, CommandOutcome, CommandRun
 
 CANCELLED_BY = "the ROS client"
 
 
-class Pilot(Protocol):
+class GoalPilot(Protocol):
     """Pilot of the goals of one UAV."""
 
     @property
@@ -31,7 +31,7 @@ class Pilot(Protocol):
         """Whether take-offs and landings are left to a safety pilot to abort."""
         ...
 
-    def begin_command(self, command: Action, request: Message) -> Run:
+    def begin_command(self, command: ActionCommand, request: Message) -> CommandRun:
         """Begins to fly a goal."""
         ...
 
@@ -44,7 +44,7 @@ class Pilot(Protocol):
         ...
 
 
-class Goals:
+class ActionGoals:
     """One action of one UAV."""
 
     def __init__(
@@ -52,15 +52,15 @@ class Goals:
         node: Entity,
         loop: asyncio.AbstractEventLoop,
         name: str,
-        action: Action,
-        pilot: Pilot,
+        action: ActionCommand,
+        pilot: GoalPilot,
         feedback_rate_hz: float,
     ) -> None:
         self._loop = loop
         self._action = action
         self._pilot = pilot
         self._feedback_s = 1.0 / feedback_rate_hz
-        self._flying: dict[bytes, Run] = {}
+        self._flying: dict[bytes, CommandRun] = {}
         self._server = _LoopActionServer(loop, node, action.kind, name, self._fly, cancel_callback=self._on_cancel)
 
     def destroy(self) -> None:
@@ -105,7 +105,7 @@ class Goals:
             result.task_id = result.task_id or task_id
         return result
 
-    async def _give_feedback(self, goal_handle: Entity, flying: Run) -> str:
+    async def _give_feedback(self, goal_handle: Entity, flying: CommandRun) -> str:
         """Publishes how the task stands until it has ended; returns its identifier, which is empty where none was seen.
 
         A task that ran before the goal was sent is not its own, nor is one that has replaced it.
@@ -131,7 +131,7 @@ class Goals:
             values.fill_feedback(feedback, sample, task)
         return own_id, task.id == own_id
 
-    async def _end(self, goal_handle: Entity, ended: Outcome) -> Message:
+    async def _end(self, goal_handle: Entity, ended: CommandOutcome) -> Message:
         if ended.is_success:
             goal_handle.succeed()
         elif _is_cancelled(ended) and await _is_canceling(goal_handle):
@@ -175,7 +175,7 @@ async def _is_canceling(goal_handle: Entity) -> bool:
     return False
 
 
-def _is_cancelled(ended: Outcome) -> bool:
+def _is_cancelled(ended: CommandOutcome) -> bool:
     return ended.reason == "TASK_ABORTED" and ended.metadata.get("by") == CANCELLED_BY
 
 

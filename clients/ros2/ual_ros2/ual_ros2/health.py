@@ -13,7 +13,7 @@ OK, WARN, ERROR = 0, 1, 2
 
 
 @dataclass
-class Said:
+class ConnectionReport:
     """Connection to one UAV as the node itself knows it."""
 
     address: str = ""
@@ -55,7 +55,7 @@ class Status:
     values: Mapping[str, str] = field(default_factory=dict)
 
 
-def of(sample: ual.Telemetry, said: Said) -> Status:
+def of(sample: ual.Telemetry, said: ConnectionReport) -> Status:
     """Makes the status of a sample. The worst that is known comes first."""
     about = sample.health
     worst = [
@@ -74,7 +74,7 @@ def of(sample: ual.Telemetry, said: Said) -> Status:
     return Status(level, message, {**_of_sample(sample), **_of_node(said)})
 
 
-def silent(reason: str, said: Said) -> Status:
+def silent(reason: str, said: ConnectionReport) -> Status:
     """Makes the status of a UAV of which nothing is heard."""
     return Status(ERROR, reason, _of_node(said))
 
@@ -96,7 +96,7 @@ def _of_sample(sample: ual.Telemetry) -> dict[str, str]:
     }
 
 
-def _of_node(said: Said) -> dict[str, str]:
+def _of_node(said: ConnectionReport) -> dict[str, str]:
     return {
         "address": said.address,
         "lease": said.lease,

@@ -18,22 +18,22 @@ import ual
 from ual.shared.ages import without_seconds
 from ual_ros2 import outcome, senders, topics, values
 from ual_ros2.about import About
-from ual_ros2.beside.everything import Beside
-from ual_ros2.cameras import Cameras
-from ual_ros2.command import Action, Command
-from ual_ros2.contact import Contact
+from ual_ros2.beside.everything import UavServices
+from ual_ros2.cameras import RosCameras
+from ual_ros2.command import ActionCommand, RosCommand
+from ual_ros2.contact import DaemonContact
 from ual_ros2.flights import ACTIONS, SERVICES
 from ual_ros2.frames import Frames, Tf
-from ual_ros2.goals import Goals
-from ual_ros2.health import Said
-from ual_ros2.lateness import BEAT_S, COMMAND_S, SETPOINT_S, Lateness, Pulse, steady_s
-from ual_ros2.listener import Listener
+from ual_ros2.goals import ActionGoals
+from ual_ros2.health import ConnectionReport
+from ual_ros2.lateness import BEAT_S, COMMAND_S, SETPOINT_S, LatenessCheck, ProgramPulse, steady_s
+from ual_ros2.listener import TopicListener
 from ual_ros2.messages import Entity, Message
-from ual_ros2.outcome import Before, Outcome, Run
+from ual_ros2.outcome import Before, CommandOutcome, CommandRun
 from ual_ros2.ros_time import RosTime
 from ual_ros2.services import LateService
 from ual_ros2.setpoints import Given, Newest, Setpoint, send_given
-from ual_ros2.settings import Settings
+from ual_ros2.settings import NodeSettings
 
 _log = logging.getLogger(__name__)
 
@@ -53,10 +53,10 @@ class Shared:
 
     node: Entity
     loop: asyncio.AbstractEventLoop
-    settings: Settings
+    settings: NodeSettings
     time: RosTime
     tf: Tf
-    listener: Listener
+    listener: TopicListener
 
 
 class UavInterface:
@@ -74,11 +74,11 @@ class UavInterface:
         self._uav = ual.aio.Uav(
             ns, address=address or None, tls_ca=settings.tls_ca, credentials=settings.credentials, network=""
         )
-        self._said = Said()
-        self._lateness = Lateness(settings.refuses_late, is_time_simulated=lambda: shared.time.is_simulated)
-        self._pulse = Pulse()
+        self._said = ConnectionReport()
+        self._lateness = LatenessCheck(settings.refuses_late, is_time_simulated=lambda: shared.time.is_simulated)
+        self._pulse = ProgramPulse()
         self._newest: ual.Telemetry | None = None
-        self._contact = Contact(self._uav.telemetry, settings.rate_hz, steady_s)
+        self._contact = DaemonContact(self._uav.telemetry, settings.rate_hz, steady_s)
         self._refused_s = 0.0
         self._samples: ual.aio.Subscription | None = None
         self._refusal: ual.UalError | None = None
@@ -90,17 +90,17 @@ class UavInterface:
         self._lease: ual.aio.Lease | None = None
         self._not_leased: ual.UalError | None = None
         self._watching: list[asyncio.Task[None]] = []
-        self._commands: set[Run] = set()
+        self._commands: set[CommandRun] = set()
         self._topics = topics.Topics(shared.node, ns, shared.time, shared.tf.moving)
         self._frames = Frames(self._uav, ns, shared.tf)
-        self._cameras = Cameras(
+        self._cameras = RosCameras(
             shared.node, self._uav, ns, shared.time, shared.tf.publish_moving, settings.camera_rate_hz
         )
         self._about = About(shared.node, self._loop, self._uav, ns, shared.time)
         sending = partial(send_given, self._uav, self)
         self._setpoints: Newest[Given] = Newest(self._loop, sending, self._on_refusal)
         self._external_poses: Newest[Given] = Newest(self._loop, sending, self._on_refusal)
-        self._beside = Beside(shared.node, self._loop, settings, shared.time, self._uav, ns, self._serve)
+        self._beside = UavServices(shared.node, self._loop, settings, shared.time, self._uav, ns, self._serve)
         self._make_inputs()
 
     # --- For the node: on ROS' executor -------------------------------------------------------------------------------
@@ -121,7 +121,7 @@ class UavInterface:
         ]
         rate_hz = self._shared.settings.feedback_rate_hz
         self._goals = [
-            Goals(node, self._loop, f"{prefix}/{each.name}", each, self, rate_hz)
+            ActionGoals(node, self._loop, f"{prefix}/{each.name}", each, self, rate_hz)
             for each in (*ACTIONS, *self._beside.actions)
         ]
 
@@ -188,7 +188,7 @@ class UavInterface:
     def _put(stream: Newest[Given], topic: str, value: Setpoint) -> None:
         stream.put(Given(topic, value, steady_s()))
 
-    def _serve(self, command: Command, request: Message, sent_s: float) -> Future[Message]:
+    def _serve(self, command: RosCommand, request: Message, sent_s: float) -> Future[Message]:
         return self._run(self._answered(command, request, sent_s))
 
     def _run(self, coroutine: Coroutine[Any, Any, Any]) -> Future[Any]:
@@ -199,7 +199,7 @@ class UavInterface:
     async def begin(self) -> None:
         """Begins to tell of the UAV and to fly it."""
         self._is_active = True
-        self._pulse = Pulse()
+        self._pulse = ProgramPulse()
         self._said.address, self._said.failed = self._uav.address, ""
         self._samples = self._refusal = None
         self._contact.note()
@@ -263,19 +263,19 @@ class UavInterface:
         task = (await self._uav.telemetry()).task
         return "" if task is None else task.id
 
-    def begin_command(self, command: Command, request: Message, sent_s: float = 0.0) -> Run:
+    def begin_command(self, command: RosCommand, request: Message, sent_s: float = 0.0) -> CommandRun:
         """Begins a command, which `end` ends. It was sent at a time of UTC (0: not known)."""
-        run = Run(lambda: self._perform(command, request, sent_s, run), request)
+        run = CommandRun(lambda: self._perform(command, request, sent_s, run), request)
         self._commands.add(run)
         run.task.add_done_callback(lambda task: self._on_ended(command, run, task.result()))
         return run
 
-    def _on_ended(self, command: Command, run: Run, ended: Outcome) -> None:
+    def _on_ended(self, command: RosCommand, run: CommandRun, ended: CommandOutcome) -> None:
         self._commands.discard(run)
         if not ended.is_success:
             _log.warning("%s: %s", self._ns, ended.text_of(command.name))
 
-    async def _answered(self, command: Command, request: Message, sent_s: float) -> Message:
+    async def _answered(self, command: RosCommand, request: Message, sent_s: float) -> Message:
         ended = await self.begin_command(command, request, sent_s).task
         response = command.kind.Response()
         if command.kind is Empty:
@@ -284,7 +284,9 @@ class UavInterface:
             return outcome.fill_trigger(response, ended)
         return outcome.fill(response, ended, KeyValue)
 
-    async def _perform(self, command: Command, request: Message, sent_s: float, run: Run) -> Mapping[str, Message]:
+    async def _perform(
+        self, command: RosCommand, request: Message, sent_s: float, run: CommandRun
+    ) -> Mapping[str, Message]:
         if not self._is_active:
             raise ual.WrongStateError("the node is not active: activate it (ros2 lifecycle set)", {"needed": "active"})
         is_of_the_present = not command.may_be_late
@@ -294,7 +296,7 @@ class UavInterface:
             self._require_present(sent_s)
             await self._contact.require(COMMAND_S)
         await self._frames.provide(command.frames(request))
-        if isinstance(command, Action) and command.flies(request):
+        if isinstance(command, ActionCommand) and command.flies(request):
             run.before = Before.of(await self._contact.asked(COMMAND_S) if is_of_the_present else self._newest)
         if is_of_the_present:  # still, after the daemon and the frames were waited for
             self._require_present(sent_s)

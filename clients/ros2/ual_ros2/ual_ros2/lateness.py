@@ -36,7 +36,7 @@ def steady_s() -> float:
     return time.clock_gettime(_CLOCK)
 
 
-class Lateness:
+class LatenessCheck:
     """Refuses what was sent too long ago, by the clock of its sender's computer. Any thread may ask it."""
 
     def __init__(
@@ -83,7 +83,7 @@ class Lateness:
         )
 
 
-class Pulse:
+class ProgramPulse:
     """Notes that the program stood still, as it does while it is stopped or the computer sleeps.
 
     It is for goals of actions, of which rclpy does not say when they were sent.

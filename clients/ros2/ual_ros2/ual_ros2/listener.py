@@ -26,7 +26,7 @@ EVENTS_S = 1.0
 """Seconds between two looks at the events of subscriptions."""
 
 
-class Listener:
+class TopicListener:
     """The topics that a node hears often. Their callbacks run on the thread of `spin`, one after the other.
 
     Any thread may call it.
@@ -80,14 +80,14 @@ class Listener:
                 subscriptions = self._subscriptions
                 for each in (*subscriptions, context):
                     kept.enter_context(each.handle)
-            waiting = _Waiting(subscriptions, self._changed, context)
+            waiting = _TopicWait(subscriptions, self._changed, context)
             while self._subscriptions is subscriptions and not self._has_ended:
                 waiting.wait()
                 waiting.call_back()
                 if waiting.is_time_for_events():
                     self._tell_events(waiting, subscriptions)
 
-    def _tell_events(self, waiting: _Waiting, subscriptions: tuple[Entity, ...]) -> None:
+    def _tell_events(self, waiting: _TopicWait, subscriptions: tuple[Entity, ...]) -> None:
         with self._lock:  # none of them is forgotten and destroyed meanwhile
             if self._subscriptions is subscriptions:
                 waiting.tell_events()
@@ -106,7 +106,7 @@ class _OnListenersThread(CallbackGroup):
         """Nothing has begun."""
 
 
-class _Waiting:
+class _TopicWait:
     """Waits for messages of some subscriptions, and rarely asks for their events: rclpy logs what does not fit.
 
     Events have a set of their own, because a wait for an event of a subscription also ends with each of its messages.
@@ -173,7 +173,7 @@ def _can_wait(node: Entity) -> bool:
     changed.trigger()
     try:
         with subscription.handle, node.context.handle:
-            waiting = _Waiting((subscription,), changed, node.context)
+            waiting = _TopicWait((subscription,), changed, node.context)
             waiting.wait()
             waiting.call_back()
             waiting.tell_events()

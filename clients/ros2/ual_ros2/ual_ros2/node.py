@@ -27,10 +27,10 @@ from ual_ros2 import entities
 from ual_ros2 import settings as parameters
 from ual_ros2.frames import Tf
 from ual_ros2.interface import Shared, UavInterface
-from ual_ros2.listener import Listener
+from ual_ros2.listener import TopicListener
 from ual_ros2.messages import Entity
 from ual_ros2.ros_time import RosTime
-from ual_ros2.settings import Settings
+from ual_ros2.settings import NodeSettings
 
 LOOK_S = 1.0
 """Seconds between two searches of the node for UAVs of this computer, and between its attempts to start where that
@@ -61,7 +61,7 @@ def _loud(transition: Transition) -> Transition:
 class UalNode(LifecycleNode):
     """A lifecycle node that is a client of daemons. It tells and flies while it is active."""
 
-    _listener: Listener | None = None
+    _listener: TopicListener | None = None
 
     def __init__(self, loop: asyncio.AbstractEventLoop, **options: Any) -> None:  # noqa: ANN401 (rclpy's own)
         super().__init__("ual", **options)
@@ -82,10 +82,10 @@ class UalNode(LifecycleNode):
             self.get_logger().warning(words)
 
     @property
-    def listener(self) -> Listener:
+    def listener(self) -> TopicListener:
         """Hears what comes often. It is made when it is first needed, as rclpy hears the clock before all else."""
         if self._listener is None:
-            self._listener = Listener(self)
+            self._listener = TopicListener(self)
         return self._listener
 
     def create_subscription(self, kind: Entity, topic: str, *arguments: Any, **options: Any) -> Entity:  # noqa: ANN401 (rclpy's own)
@@ -162,7 +162,7 @@ class UalNode(LifecycleNode):
         """Ends the connections, all at once."""
         await asyncio.gather(*(uav.close() for uav in self._uavs.values()))
 
-    def _named(self, settings: Settings) -> dict[str, str]:
+    def _named(self, settings: NodeSettings) -> dict[str, str]:
         """Returns the addresses of the UAVs by their names, which the daemons are asked for where none are given."""
         if not settings.uavs:
             return dict.fromkeys(self._found(), "")
@@ -183,7 +183,7 @@ class UalNode(LifecycleNode):
                 self._left_out.add(ns)
         return found - self._left_out
 
-    def _ask_name(self, settings: Settings, address: str) -> str:
+    def _ask_name(self, settings: NodeSettings, address: str) -> str:
         with ual.Uav(address=address, tls_ca=settings.tls_ca, credentials=settings.credentials) as uav:
             return uav.ns
 

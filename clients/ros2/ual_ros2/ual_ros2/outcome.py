@@ -18,7 +18,7 @@ _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class Outcome:
+class CommandOutcome:
     """Done, or refused or failed by a reason of UAL, with its words and metadata."""
 
     reason: str = ""
@@ -47,7 +47,7 @@ class Outcome:
         return f"{command}: {self.reason}: {self.message.removeprefix(f'{command}: ')}"
 
     @classmethod
-    def of(cls, error: ual.UalError, request: Message | None = None) -> Outcome:
+    def of(cls, error: ual.UalError, request: Message | None = None) -> CommandOutcome:
         """Makes the one of an error. The field at fault has the name that it has in the request."""
         field = error.metadata.get("field", "")
         named = naming.field_of(request, field) if field and request is not None else field
@@ -81,7 +81,7 @@ class Before(NamedTuple):
         return None if task is None or task.id == self.task_id else task
 
 
-class Run:
+class CommandRun:
     """A command under way. However it ends, its `task` returns an outcome: the caller in ROS always gets an answer.
 
     Attributes:
@@ -94,7 +94,7 @@ class Run:
         self._request = request
         self._by = ""
         self._has_begun = False
-        self.task: asyncio.Task[Outcome] = asyncio.ensure_future(self._run(begin))
+        self.task: asyncio.Task[CommandOutcome] = asyncio.ensure_future(self._run(begin))
 
     def cancel(self, by: str) -> None:
         """Ends it, and with it the call of the daemon. One that has not begun yet never begins."""
@@ -113,27 +113,27 @@ class Run:
             self._by = ""
             _log.warning("it is not cancelled: %s: %s", error.reason, error.message)
 
-    async def _run(self, begin: Callable[[], Awaitable[Mapping[str, Message]]]) -> Outcome:
+    async def _run(self, begin: Callable[[], Awaitable[Mapping[str, Message]]]) -> CommandOutcome:
         self._has_begun = True
         if self._by:
             return self._cancelled()
         try:
-            return Outcome(told=await begin())
+            return CommandOutcome(told=await begin())
         except ual.TaskAbortedError as error:
-            return self._cancelled() if self._by else Outcome.of(error)
+            return self._cancelled() if self._by else CommandOutcome.of(error)
         except ual.UalError as error:
-            return Outcome.of(error, self._request)
+            return CommandOutcome.of(error, self._request)
         except asyncio.CancelledError:
             return self._cancelled()
         except Exception as error:  # noqa: BLE001 (a mistake in the node: the caller must not wait for ever)
             _log.exception("a command failed in the node")
-            return Outcome("INTERNAL", f"the node failed: {error!r}")
+            return CommandOutcome("INTERNAL", f"the node failed: {error!r}")
 
-    def _cancelled(self) -> Outcome:
-        return Outcome("TASK_ABORTED", f"cancelled: {self._by}", {"by": self._by})
+    def _cancelled(self) -> CommandOutcome:
+        return CommandOutcome("TASK_ABORTED", f"cancelled: {self._by}", {"by": self._by})
 
 
-def fill(message: Message, outcome: Outcome, key_value: Callable[..., Message]) -> Message:
+def fill(message: Message, outcome: CommandOutcome, key_value: Callable[..., Message]) -> Message:
     """Fills a response or result of ``ual_msgs``, and returns it."""
     message.success, message.reason, message.message = outcome.is_success, outcome.reason, outcome.message
     message.metadata = [key_value(key=key, value=value) for key, value in outcome.metadata.items()]
@@ -142,7 +142,7 @@ def fill(message: Message, outcome: Outcome, key_value: Callable[..., Message]) 
     return message
 
 
-def fill_trigger(message: Message, outcome: Outcome) -> Message:
+def fill_trigger(message: Message, outcome: CommandOutcome) -> Message:
     """Fills a response of ``std_srvs/Trigger``, and returns it."""
     message.success, message.message = outcome.is_success, outcome.text_of_all
     return message

@@ -39,7 +39,7 @@ _WHEN_READ = "{0} is read when the node is configured: `ros2 lifecycle set` it t
 
 
 @dataclass(frozen=True)
-class Settings:
+class NodeSettings:
     """The parameters, read once when the node is configured."""
 
     uavs: tuple[tuple[str, str], ...]
@@ -94,7 +94,7 @@ def refusal(given: Mapping[str, Any], *, is_configured: bool) -> str:
     return ""
 
 
-def read(node: Entity) -> Settings:
+def read(node: Entity) -> NodeSettings:
     """Reads the parameters.
 
     Raises:
@@ -104,11 +104,11 @@ def read(node: Entity) -> Settings:
     return settings_of({name: node.get_parameter(name).value for name in DEFAULTS})
 
 
-def settings_of(given: Mapping[str, Any]) -> Settings:
+def settings_of(given: Mapping[str, Any]) -> NodeSettings:
     """Checks the values of the parameters; see `read`."""
     for name in DEFAULTS:
         _require_type(name, given[name])
-    return Settings(
+    return NodeSettings(
         uavs=_pairs(_listed(given["ns"]), _listed(given["address"])),
         tls_ca=given["tls_ca"] or None,
         credentials=_credentials(given),

@@ -21,7 +21,7 @@ UNIT_TOLERANCE = 0.01
 """Tolerance of the norm of a rotation around 1, as in tf2."""
 
 
-class Heard(NamedTuple):
+class FrameReport(NamedTuple):
     """Last message about a frame, and its time (the buffer's clock). Of static ones the time is infinite: they never
     age.
     """
@@ -30,7 +30,7 @@ class Heard(NamedTuple):
     frame_id: str = ""
 
 
-class Found(NamedTuple):
+class FoundTransform(NamedTuple):
     """A transform, how often tf has told what it was made of, and which part of it was heard of the longest ago.
 
     By the count, one that is told again is seen.
@@ -38,7 +38,7 @@ class Found(NamedTuple):
 
     link: ual.Transform
     told_count: int = 0
-    oldest: Heard = Heard()
+    oldest: FrameReport = FrameReport()
 
 
 class TfBuffer:
@@ -53,21 +53,21 @@ class TfBuffer:
     def __init__(self, tolerance_s: float = math.inf, clock: Callable[[], float] = steady_s) -> None:
         self._tolerance_s = tolerance_s
         self._clock = clock
-        self._newest: dict[str, Found] = {}
+        self._newest: dict[str, FoundTransform] = {}
 
     def put(self, link: ual.Transform, *, is_static: bool = False) -> None:
         """Takes the transform of a frame to its parent. One that is none (not finite, no rotation) is left out."""
         if not _is_usable(link):
             return
         before = self._newest.get(link.child_frame_id)
-        heard = Heard() if is_static else Heard(self._clock(), link.child_frame_id)
-        self._newest[link.child_frame_id] = Found(link, 1 if before is None else before.told_count + 1, heard)
+        heard = FrameReport() if is_static else FrameReport(self._clock(), link.child_frame_id)
+        self._newest[link.child_frame_id] = FoundTransform(link, 1 if before is None else before.told_count + 1, heard)
 
     def forget(self, frame_id: str) -> None:
         """Forgets where a frame was, until tf tells it again."""
         self._newest.pop(frame_id, None)
 
-    def require_fresh(self, frame_id: str, found: Found) -> None:
+    def require_fresh(self, frame_id: str, found: FoundTransform) -> None:
         """Requires that tf still tells where a frame is.
 
         Raises:
@@ -85,7 +85,7 @@ class TfBuffer:
             {"frame_id": frame_id, "since": since, "remedy": remedy},
         )
 
-    def to_known(self, frame_id: str, known: Container[str]) -> Found | None:
+    def to_known(self, frame_id: str, known: Container[str]) -> FoundTransform | None:
         """Returns the transform from a frame to the nearest one above it that is known; else to ``map``.
 
         None where tf does not lead there (yet).
@@ -95,7 +95,7 @@ class TfBuffer:
                 return each
         return self._between("map", frame_id)
 
-    def _between(self, target: str, source: str) -> Found | None:
+    def _between(self, target: str, source: str) -> FoundTransform | None:
         from_target = {each.link.frame_id: each for each in self._upwards(target)}
         for each in self._upwards(source):
             down = from_target.get(each.link.frame_id)
@@ -103,17 +103,19 @@ class TfBuffer:
                 return _joined(down.link.inverse(), down, each)
         return None
 
-    def _upwards(self, frame_id: str) -> list[Found]:
+    def _upwards(self, frame_id: str) -> list[FoundTransform]:
         """The transforms from a frame to itself, its parent, the parent of that, and so on."""
-        way = [Found(ual.Transform(frame_id=frame_id, child_frame_id=frame_id))]
+        way = [FoundTransform(ual.Transform(frame_id=frame_id, child_frame_id=frame_id))]
         while (above := self._newest.get(way[-1].link.frame_id)) is not None and len(way) < MOST_LEVELS:
             way.append(_joined(above.link, above, way[-1]))
         return way
 
 
-def _joined(link: ual.Transform, above: Found, below: Found) -> Found:
+def _joined(link: ual.Transform, above: FoundTransform, below: FoundTransform) -> FoundTransform:
     """Returns `link`, which is made of what is above, after what is below."""
-    return Found(link.compose(below.link), above.told_count + below.told_count, min(above.oldest, below.oldest))
+    return FoundTransform(
+        link.compose(below.link), above.told_count + below.told_count, min(above.oldest, below.oldest)
+    )
 
 
 def _is_usable(link: ual.Transform) -> bool:

@@ -41,7 +41,7 @@ def overridable(qos: QoSProfile) -> dict[str, Entity]:
     return {"qos_profile": copy.copy(qos), "qos_overriding_options": QoSOverridingOptions(_OVERRIDABLE)}
 
 
-class _Told(NamedTuple):
+class _StateContent(NamedTuple):
     """Content of a State message apart from its stamp: it is published when this changes."""
 
     state: ual.State
@@ -55,16 +55,16 @@ class _Told(NamedTuple):
     failsafe: str = ""
     held_by: str = ""
 
-    def is_as(self, other: _Told | None) -> bool:
+    def is_as(self, other: _StateContent | None) -> bool:
         """Returns whether another one says the same, but for the seconds that its reason counts."""
         return self == other or (other is not None and self.timeless() == other.timeless())
 
-    def timeless(self) -> _Told:
+    def timeless(self) -> _StateContent:
         """Returns the same without the seconds that its reason counts."""
         return self._replace(reason=without_seconds(self.reason))
 
     @classmethod
-    def of(cls, sample: ual.Telemetry) -> _Told:
+    def of(cls, sample: ual.Telemetry) -> _StateContent:
         task, about = sample.task, sample.health
         return cls(
             state=sample.state,
@@ -88,7 +88,7 @@ class Topics:
         self._ns = ns
         self._time = time
         self._tf = tf
-        self._told: _Told | None = None
+        self._told: _StateContent | None = None
         self._pose = self._publisher(PoseStamped, "pose")
         self._velocity = self._publisher(TwistStamped, "velocity")
         self._odom = self._publisher(Odometry, "odom")
@@ -111,7 +111,7 @@ class Topics:
 
     def publish(self, sample: ual.Telemetry) -> None:
         """Publishes what changes fast. What is not known, or not heard by others, costs nothing."""
-        self._publish_state(_Told.of(sample))
+        self._publish_state(_StateContent.of(sample))
         odometry = sample.odometry
         if odometry is not None:
             self._publish_odometry(odometry)
@@ -124,9 +124,9 @@ class Topics:
         if sample.reference_pose is not None and is_heard(self._ref_pose):
             self._publish_pose(self._ref_pose, self._ref_pose_message, sample.reference_pose, sample)
 
-    def publish_slow(self, sample: ual.Telemetry, said: health.Said) -> None:
+    def publish_slow(self, sample: ual.Telemetry, said: health.ConnectionReport) -> None:
         """Publishes what changes slowly."""
-        self._publish_state(_Told.of(sample), again=True)
+        self._publish_state(_StateContent.of(sample), again=True)
         if sample.battery is not None:
             self._publish_battery(self._battery, sample.battery)
         for each in sample.batteries:
@@ -148,9 +148,9 @@ class Topics:
         """Returns how many others publish the state of this UAV."""
         return max(0, int(self._node.count_publishers(self._state.topic_name)) - 1)
 
-    def tell_unknown(self, reason: str, said: health.Said) -> None:
+    def tell_unknown(self, reason: str, said: health.ConnectionReport) -> None:
         """Says that nothing is known of the UAV, and why."""
-        self._publish_state(_Told(ual.State.UNINITIALIZED, reason), again=True)
+        self._publish_state(_StateContent(ual.State.UNINITIALIZED, reason), again=True)
         self._publish_health(health.silent(reason, said))
 
     def _publisher(self, kind: Entity, name: str, qos: Entity = SENSOR_DATA) -> Entity:
@@ -198,7 +198,7 @@ class Topics:
         values.fill_pose(message.pose, pose)
         publisher.publish(message)
 
-    def _publish_state(self, told: _Told, *, again: bool = False) -> None:
+    def _publish_state(self, told: _StateContent, *, again: bool = False) -> None:
         """Publishes each change; what has not changed only again, for those who subscribe without transient local."""
         if told.is_as(self._told) and not (again and is_heard(self._state)):
             return

@@ -24,7 +24,7 @@ from ual_daemon.backends.airsim import cameras
 from ual_daemon.backends.airsim.camera_settings import OF_EACH_MULTIROTOR, Capture, NamedCamera, cameras_of
 from ual_daemon.backends.airsim.cameras import AirsimCamera, AirsimCameras
 from ual_daemon.backends.airsim.fetching import Fetched
-from ual_daemon.backends.airsim.pictures import CameraState, Picture, Projection, data_of, intrinsics_of
+from ual_daemon.backends.airsim.pictures import AirsimPicture, CameraProjection, CameraState, data_of, intrinsics_of
 from ual_daemon.backends.airsim.state import Rotation, Vector
 from ual_daemon.backends.airsim.trail import LONGEST_GAP_S, Trail
 from ual_daemon.backends.offers.cameras import OfferedCameras
@@ -236,7 +236,7 @@ def test_closing_ends_a_picture_that_is_waited_for(server: AirsimServer) -> None
 # --- Parts ------------------------------------------------------------------------------------------------------------
 
 
-def picture(**values: Any) -> Picture:
+def picture(**values: Any) -> AirsimPicture:
     known: dict[str, Any] = {
         "image_data_uint8": b"",
         "image_data_float": msgspec.Raw(b"\x90"),
@@ -247,7 +247,7 @@ def picture(**values: Any) -> Picture:
         "width": 2,
         "height": 1,
     }
-    return Picture(**{**known, **values})
+    return AirsimPicture(**{**known, **values})
 
 
 def test_the_cameras_pose_is_east_north_up_along_its_view() -> None:
@@ -334,7 +334,7 @@ def test_a_kind_with_a_view_of_its_own_has_that_while_nothing_has_changed_it() -
     ],
 )
 def test_the_view_by_the_matrix(matrix: list[list[float]], tangent: float | None) -> None:
-    assert CameraState(Projection(matrix)).tangent == tangent
+    assert CameraState(CameraProjection(matrix)).tangent == tangent
 
 
 def test_where_it_was_is_between_two_reports_and_not_known_in_a_gap() -> None:
@@ -372,7 +372,7 @@ class Shots:
 
 
 def camera_of(shots: Shots) -> AirsimCamera:
-    place = cameras.Place(0, None)
+    place = cameras.LocalFramePlace(0, None)
     return AirsimCamera(0, NamedCamera("front"), shots.fetch, Trail(), lambda: place, lambda: "")
 
 
@@ -417,5 +417,10 @@ def test_an_orientation_that_is_none_has_no_place() -> None:
     trail = Trail()
     trail.add(0.0, Pose())
     shots = Shots()
-    camera = AirsimCamera(0, NamedCamera("front"), shots.fetch, trail, lambda: cameras.Place(0, None), lambda: "")
-    assert camera._viewpoint(cameras.Place(0, None), 0.0, Pose(Vector3(), Quaternion(0.0, 0.0, 0.0, 0.0))).body is None
+    camera = AirsimCamera(
+        0, NamedCamera("front"), shots.fetch, trail, lambda: cameras.LocalFramePlace(0, None), lambda: ""
+    )
+    assert (
+        camera._viewpoint(cameras.LocalFramePlace(0, None), 0.0, Pose(Vector3(), Quaternion(0.0, 0.0, 0.0, 0.0))).body
+        is None
+    )

@@ -23,7 +23,7 @@ from ual.types import State
 from ual_daemon import UAL
 from ual_daemon.backends.airsim import AirsimBackend
 from ual_daemon.backends.airsim.procedures import Procedures
-from ual_daemon.backends.airsim.rpc import Caller
+from ual_daemon.backends.airsim.rpc import RpcCaller
 from ual_daemon.backends.base import BackendOptions
 
 RATE_HZ = 25.0
@@ -151,7 +151,7 @@ def test_a_pilot_who_takes_over_at_the_touch_down_keeps_the_control(
     """Between the report that shows the ground and the disarming that follows it."""
     disarm, taken = Procedures.require_own_control, threading.Event()
 
-    def after_the_take_over(self: Procedures, connection: Caller) -> None:
+    def after_the_take_over(self: Procedures, connection: RpcCaller) -> None:
         if not taken.is_set():
             vehicle.enable_api_control(False)
             server.calls.clear()

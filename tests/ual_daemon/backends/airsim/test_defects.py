@@ -11,15 +11,15 @@ import pytest
 from ual_daemon.backends.airsim.backend import AirsimBackend
 from ual_daemon.backends.airsim.link import Simulator
 from ual_daemon.backends.airsim.state import (
+    AirsimReport,
     Collision,
     Kinematics,
     Location,
+    MultirotorState,
     RemoteControl,
-    Report,
     Rotation,
     Rotor,
     Rotors,
-    State,
     Vector,
 )
 from ual_daemon.backends.base import BackendOptions
@@ -28,11 +28,11 @@ from ual_daemon.backends.values import Snapshot
 LEVEL = Rotation(1.0, 0.0, 0.0, 0.0)
 
 
-def report(rotation: Rotation = LEVEL, *, rotor_rad_s: float = 500.0) -> Report:
+def report(rotation: Rotation = LEVEL, *, rotor_rad_s: float = 500.0) -> AirsimReport:
     """It descends."""
     motion = Kinematics(Vector(z_val=-3.0), rotation, Vector(z_val=0.5), Vector(), Vector())
-    state = State(motion, 1000, 1, RemoteControl(False))
-    return Report(state, Rotors([Rotor(3.0, rotor_rad_s)] * 4), has_api_control=True, collision=Collision())
+    state = MultirotorState(motion, 1000, 1, RemoteControl(False))
+    return AirsimReport(state, Rotors([Rotor(3.0, rotor_rad_s)] * 4), has_api_control=True, collision=Collision())
 
 
 def connected(backend: AirsimBackend) -> AirsimBackend:

@@ -14,9 +14,9 @@ from tests.simulators.airsim import quaternion
 from ual.geometry import Vector3
 from ual_daemon.backends.airsim.clock import SimulatorClock
 from ual_daemon.backends.airsim.link import SimulatorLink
-from ual_daemon.backends.airsim.pilot import Hands, Sticks
+from ual_daemon.backends.airsim.pilot import Hands, RcSticks
 from ual_daemon.backends.airsim.setpoints import led, move_arguments
-from ual_daemon.backends.airsim.settings import Address, parse_address
+from ual_daemon.backends.airsim.settings import AirsimAddress, parse_address
 from ual_daemon.backends.airsim.state import Rotation, Vector
 from ual_daemon.backends.engine.limits import SILENT_S
 from ual_daemon.backends.values import VelocitySetpoint
@@ -26,12 +26,12 @@ from ual_daemon.settings import ConfigError
 @pytest.mark.parametrize(
     ("url", "address"),
     [
-        ("10.0.0.2:41452", Address("10.0.0.2", 41452)),
-        ("simulator", Address("simulator", 41451)),
-        ("[::1]:41453", Address("::1", 41453)),
+        ("10.0.0.2:41452", AirsimAddress("10.0.0.2", 41452)),
+        ("simulator", AirsimAddress("simulator", 41451)),
+        ("[::1]:41453", AirsimAddress("::1", 41453)),
     ],
 )
-def test_addresses(url: str, address: Address) -> None:
+def test_addresses(url: str, address: AirsimAddress) -> None:
     assert parse_address(url) == address
 
 
@@ -107,8 +107,8 @@ def test_a_simulator_that_was_started_anew_does_not_make_the_clock_jump(wall: Wa
     assert wall.clock.advance(5000.0 + later_s + 0.5) == pytest.approx(began_s + 0.5)
 
 
-def channels(**arguments: Any) -> Sticks:
-    values = {"sticks": Sticks(), "velocity": Vector3(), "yaw_rad": 0.0, "is_on_ground": False, "step_s": 0.02}
+def channels(**arguments: Any) -> RcSticks:
+    values = {"sticks": RcSticks(), "velocity": Vector3(), "yaw_rad": 0.0, "is_on_ground": False, "step_s": 0.02}
     return Hands().channels(**{**values, **arguments})
 
 
@@ -117,20 +117,20 @@ def test_the_pilot_hovers_with_centred_sticks() -> None:
 
 
 def test_the_pilot_flies_ahead_where_the_nose_points() -> None:
-    assert channels(sticks=Sticks(forward=1.0)).forward > 0.0
+    assert channels(sticks=RcSticks(forward=1.0)).forward > 0.0
     assert channels(velocity=Vector3(0.0, 2.0, 0.0), yaw_rad=math.pi / 2).forward < 0.0
     assert channels(velocity=Vector3(0.0, 2.0, 0.0)).left < 0.0
 
 
 def test_the_pilot_leaves_the_throttle_alone_on_the_ground() -> None:
-    assert channels(is_on_ground=True) == Sticks()
-    assert channels(is_on_ground=True, sticks=Sticks(up=1.0)).up > 0.61
+    assert channels(is_on_ground=True) == RcSticks()
+    assert channels(is_on_ground=True, sticks=RcSticks(up=1.0)).up > 0.61
 
 
 def test_why_the_simulator_is_not_reached_names_its_address() -> None:
-    def refuse(_: Address) -> Any:
+    def refuse(_: AirsimAddress) -> Any:
         raise ConnectionRefusedError(errno.ECONNREFUSED, os.strerror(errno.ECONNREFUSED))
 
-    link = SimulatorLink(Address("hall", 41451), "", 50.0, refuse, time.monotonic)
+    link = SimulatorLink(AirsimAddress("hall", 41451), "", 50.0, refuse, time.monotonic)
     link.receive(0.0)
     assert link.trouble == "hall:41451: Connection refused"

@@ -15,7 +15,7 @@ from ual.geometry import Vector3
 from ual.types import Limits
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.crazyflie.packets import HIGH_LEVEL
-from ual_daemon.backends.crazyflie.session import Session
+from ual_daemon.backends.crazyflie.session import CrazyflieSession
 from ual_daemon.backends.values import LandedState, PositionSetpoint, Setpoint, Snapshot
 from ual_daemon.flight.state import Estimate, estimate
 
@@ -61,7 +61,7 @@ class Flown:
         self.backend = self._make_backend()
 
     @property
-    def session(self) -> Session:
+    def session(self) -> CrazyflieSession:
         assert self.backend._session is not None
         return self.backend._session
 

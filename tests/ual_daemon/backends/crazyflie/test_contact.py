@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import pytest
 
 from ual.geometry import Vector3
-from ual_daemon.backends.crazyflie.contact import Contact
+from ual_daemon.backends.crazyflie.contact import GroundContact
 
 HOVER, LEAST = 38000.0, 20000.0
 RATE_S = 0.02
@@ -19,7 +19,7 @@ DESCENT = (3.0, HOVER, -0.4)
 
 def judged(*phases: Phase, rate_s: float = RATE_S) -> list[bool]:
     """Returns whether it touches, at the end of each phase."""
-    contact = Contact()
+    contact = GroundContact()
     ends = []
     now_s = 100.0
     for duration_s, thrust, climb_m_s in phases:

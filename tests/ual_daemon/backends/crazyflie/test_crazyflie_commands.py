@@ -17,8 +17,8 @@ from ual.types import State
 from ual_daemon.backends.crazyflie import packets
 from ual_daemon.backends.crazyflie.commander import NOTIFICATIONS, Commander, Phase
 from ual_daemon.backends.crazyflie.encoder import rest
-from ual_daemon.backends.crazyflie.packets import HIGH_LEVEL, SETPOINT, Packet
-from ual_daemon.backends.crazyflie.requests import Requests
+from ual_daemon.backends.crazyflie.packets import HIGH_LEVEL, SETPOINT, CrtpPacket
+from ual_daemon.backends.crazyflie.requests import CrtpRequests
 from ual_daemon.backends.values import Control, ExternalPose, LandedState, VelocitySetpoint
 
 PROTOCOLS = pytest.mark.parametrize("protocol", [7, 12])
@@ -441,15 +441,15 @@ def test_another_controller_gets_the_whole_motion(tmp_path: Path) -> None:
 
 
 def test_a_hold_shows_only_once_the_firmware_was_told_that_setpoints_stop() -> None:
-    sent: list[Packet] = []
+    sent: list[CrtpPacket] = []
     commander = Commander(sent.append, sent.append, hovers_by_itself=True)
-    requests = Requests(sent.append)
+    requests = CrtpRequests(sent.append)
     place = Pose.at(0.0, 0.0, 1.0)
     commander.hand_over(Phase.HOLDING, commander.encoder.stop(place, Vector3()), rest(place, Vector3()), print)
     flying = place, Vector3()
     commander.step(requests, 0.0, flying)
     requests.step(0.0)
-    assert requests.on_packet(Packet(sent[0].port, sent[0].channel, sent[0].data[:3] + bytes(1)))
+    assert requests.on_packet(CrtpPacket(sent[0].port, sent[0].channel, sent[0].data[:3] + bytes(1)))
     told_s = []
     for step in range(100):
         now_s = step * 0.01
@@ -464,11 +464,11 @@ def test_a_hold_shows_only_once_the_firmware_was_told_that_setpoints_stop() -> N
 
 def test_a_landing_is_not_asked_for_while_a_setpoint_is_still_being_sent() -> None:
     """A radio may block meanwhile, and the setpoint would arrive second and end the landing."""
-    sent: list[Packet] = []
-    requests = Requests(sent.append)
+    sent: list[CrtpPacket] = []
+    requests = CrtpRequests(sent.append)
     pose, velocity = Pose.at(0.0, 0.0, 1.0), Vector3()
 
-    def blocked(packet: Packet) -> None:
+    def blocked(packet: CrtpPacket) -> None:
         commander.hand_over(Phase.LANDING, commander.encoder.land(1.0, 0.0, 0.5), rest(pose, velocity), print)
         commander.step(requests, 0.0, (pose, velocity))
         requests.step(0.0)

@@ -13,7 +13,7 @@ from tests.simulators.faults import Faults
 from tests.simulators.ports import MemoryPort
 from tests.ual_daemon.backends.crazyflie.flown import Flown, place
 from ual.types import State
-from ual_daemon.backends.crazyflie.packets import LOG, PARAMETER, RESET_LOG, WRITE_CHANNEL, Packet
+from ual_daemon.backends.crazyflie.packets import LOG, PARAMETER, RESET_LOG, WRITE_CHANNEL, CrtpPacket
 from ual_daemon.frames.home_file import HomeFile
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.settings import VehicleSettings
@@ -128,7 +128,7 @@ def test_a_reboot_is_noticed_and_healed(tmp_path: Path, decks: tuple[str, ...], 
 def test_another_client_that_took_the_log_is_no_reboot(tmp_path: Path) -> None:
     flown = Flown(tmp_path)
     flown.take_off()
-    flown.memory.arriving.append(Packet(LOG, 1, b"\x05").encode())
+    flown.memory.arriving.append(CrtpPacket(LOG, 1, b"\x05").encode())
     flown.until(lambda: not flown.session.is_connected)
     flown.until(lambda: flown.session.is_connected and flown.estimate().state is State.FLYING_AUTO)
     assert flown.backend.snapshot().link.boots_count == 0

@@ -25,9 +25,9 @@ from ual.parameters import Parameter, ParameterType
 from ual.types import State
 from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions
-from ual_daemon.backends.crazyflie.packets import PARAMETER, READ_CHANNEL, WRITE_CHANNEL, Packet
+from ual_daemon.backends.crazyflie.packets import PARAMETER, READ_CHANNEL, WRITE_CHANNEL, CrtpPacket
 from ual_daemon.backends.crazyflie.parameter_exchanges import AT_ONCE, LIMIT_S, MOST_WAITING, ParameterExchanges
-from ual_daemon.backends.crazyflie.requests import Requests
+from ual_daemon.backends.crazyflie.requests import CrtpRequests
 from ual_daemon.backends.crazyflie.toc import Variable
 
 GAIN, SPEED = "pid_attitude.yaw_kp", "posCtlPid.xVelMax"
@@ -91,13 +91,13 @@ class Bench:
     """The exchanges of a firmware with some parameters, and what is sent to it."""
 
     def __init__(self, count: int = 10) -> None:
-        self.sent: list[Packet] = []
+        self.sent: list[CrtpPacket] = []
         self.now_s = 100.0
         self.is_connected = True
         self.written: list[Parameter] = []
         self.table = {f"a.p{number}": Variable(number, "f", is_read_only=False) for number in range(count)}
         self.table["a.wide"] = Variable(count, "Q", is_read_only=False)
-        self.requests = Requests(self.sent.append)
+        self.requests = CrtpRequests(self.sent.append)
         self.exchanges = ParameterExchanges(self.requests, lambda: self.table, self.written.append)
 
     def tick(self, passed_s: float = 0.0) -> list[tuple[int, int]]:
@@ -110,7 +110,7 @@ class Bench:
 
     def answer(self, channel: int, ident: int, value: float) -> None:
         head = struct.pack("<H", ident) + (b"\0" if channel == READ_CHANNEL else b"")
-        self.requests.on_packet(Packet(PARAMETER, channel, head + struct.pack("<f", value)))
+        self.requests.on_packet(CrtpPacket(PARAMETER, channel, head + struct.pack("<f", value)))
 
 
 def error_of(future: Future[Any]) -> UalError:

@@ -10,7 +10,7 @@ from tests.simulators.crazyflie import REST_Z_M, Supervisor
 from tests.ual_daemon.backends.crazyflie.flown_vehicle import FlownVehicle
 from ual.geometry import Pose, Vector3
 from ual.types import LandRequest, State, TakeOffRequest
-from ual_daemon.backends.crazyflie.ground import DEEPER_M, Ground
+from ual_daemon.backends.crazyflie.ground import DEEPER_M, KnownGround
 from ual_daemon.backends.values import Control, ExternalPose
 
 
@@ -70,9 +70,9 @@ def test_a_source_that_moves_slowly_makes_the_ground_unknown(tmp_path: Path) -> 
 
 def test_the_ground_is_at_its_lowest_after_jumps_until_it_stands_again() -> None:
     here = Vector3(2.0, 0.0, 1.0)
-    ground = Ground.seen(here).jumped(Vector3(0.0, 0.0, -2.0)).jumped(Vector3(0.0, 0.0, 2.0))
+    ground = KnownGround.seen(here).jumped(Vector3(0.0, 0.0, -2.0)).jumped(Vector3(0.0, 0.0, 2.0))
     assert ground.landing_z_m(here) == -1.0 - DEEPER_M
-    assert Ground.seen(here).landing_z_m(here) == 1.0
+    assert KnownGround.seen(here).landing_z_m(here) == 1.0
 
 
 @pytest.mark.parametrize("is_in_air", [False, True])

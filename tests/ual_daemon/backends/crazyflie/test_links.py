@@ -21,19 +21,19 @@ from ual_daemon.backends import registry
 from ual_daemon.backends.base import Backend, BackendOptions
 from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.crazyflie import CrazyflieBackend, links, packets
-from ual_daemon.backends.crazyflie.links import CflibLink, LinkError, ScannedLink, UdpLink, make_link
-from ual_daemon.backends.crazyflie.outbox import OLDEST_POSE_S, Outbox
-from ual_daemon.backends.crazyflie.packets import Packet
-from ual_daemon.backends.crazyflie.session import Session
+from ual_daemon.backends.crazyflie.links import CflibLink, CrtpLinkError, CrtpUdpLink, ScannedLink, make_link
+from ual_daemon.backends.crazyflie.outbox import OLDEST_POSE_S, PacketOutbox
+from ual_daemon.backends.crazyflie.packets import CrtpPacket
+from ual_daemon.backends.crazyflie.session import CrazyflieSession
 from ual_daemon.backends.crazyflie.settings import CrazyflieSettings
 from ual_daemon.settings import ConfigError
 
 RADIO = "radio://0/80/2M/E7E7E7E7E7"
-PACKET = Packet(5, 1, b"\x05")
+PACKET = CrtpPacket(5, 1, b"\x05")
 
 
-def received(link: links.Link) -> list[Packet]:
-    found: list[Packet] = []
+def received(link: links.CrtpLink) -> list[CrtpPacket]:
+    found: list[CrtpPacket] = []
 
     def has_come() -> bool:
         found.extend(link.receive(0.05))
@@ -47,11 +47,11 @@ def test_udp_both_ways() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as firmware:
         firmware.bind(("127.0.0.1", 0))
         firmware.settimeout(LIMIT_S)
-        link = UdpLink(*firmware.getsockname())
+        link = CrtpUdpLink(*firmware.getsockname())
         link.open()
         link.send(PACKET)
         data, client = firmware.recvfrom(64)
-        assert Packet.decode(data) == PACKET
+        assert CrtpPacket.decode(data) == PACKET
         firmware.sendto(b"\xff", client)  # empty
         firmware.sendto(PACKET.encode(), client)
         assert received(link) == [PACKET]
@@ -62,7 +62,7 @@ def test_udp_to_nobody_is_silence() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
-    link = UdpLink("127.0.0.1", port)
+    link = CrtpUdpLink("127.0.0.1", port)
     link.open()
     for _ in range(5):
         link.send(PACKET)
@@ -92,30 +92,30 @@ class BrokenSocket:
 
 @pytest.mark.parametrize("number", [errno.EHOSTUNREACH, errno.ENETUNREACH, errno.ECONNREFUSED])
 def test_a_host_that_cannot_be_reached_now_is_silence(number: int) -> None:
-    link = UdpLink("127.0.0.1", 9)
+    link = CrtpUdpLink("127.0.0.1", 9)
     link._socket = BrokenSocket(number)  # type: ignore[assignment]
     assert link.receive(LIMIT_S) == []
     link.close()
 
 
 def test_any_other_error_of_the_socket_is_one_of_the_link() -> None:
-    link = UdpLink("127.0.0.1", 9)
+    link = CrtpUdpLink("127.0.0.1", 9)
     link._socket = BrokenSocket(errno.ENOMEM)  # type: ignore[assignment]
-    with pytest.raises(LinkError, match="an error"):
+    with pytest.raises(CrtpLinkError, match="an error"):
         link.receive(LIMIT_S)
     link.close()
 
 
 def test_a_name_that_no_host_can_have_is_an_error_of_the_link() -> None:
-    with pytest.raises(LinkError):
-        UdpLink("crazy..lab", 19850).open()
+    with pytest.raises(CrtpLinkError):
+        CrtpUdpLink("crazy..lab", 19850).open()
 
 
 @pytest.mark.parametrize("is_opened_later", [False, True])
 def test_a_link_that_is_closed_while_it_is_being_opened_is_closed_in_the_end(*, is_opened_later: bool) -> None:
     closed, may_open, is_opening = threading.Event(), threading.Event(), threading.Event()
 
-    class SlowLink(UdpLink):
+    class SlowLink(CrtpUdpLink):
         def open(self) -> None:
             is_opening.set()
             may_open.wait(LIMIT_S)
@@ -129,7 +129,7 @@ def test_a_link_that_is_closed_while_it_is_being_opened_is_closed_in_the_end(*, 
     link = SlowLink("127.0.0.1", 9)
     if not is_opened_later:
         may_open.set()
-    session = Session(link, CrazyflieSettings(), MonotonicClock(), lambda _: None, 1.0)
+    session = CrazyflieSession(link, CrazyflieSettings(), MonotonicClock(), lambda _: None, 1.0)
     session.thread.open()
     assert is_opening.wait(LIMIT_S)
     session.thread.close()
@@ -222,12 +222,12 @@ def test_what_was_given_to_a_radio_leaves_before_it_is_closed(crtp: Crtp) -> Non
     assert crtp.driver.sent.qsize() == 20
 
 
-def pose(number: int) -> Packet:
+def pose(number: int) -> CrtpPacket:
     return packets.external_position(Vector3(number, 0.0, 1.0))
 
 
 def test_only_the_newest_pose_leaves_and_after_all_else() -> None:
-    outbox = Outbox(lambda: 0.0)
+    outbox = PacketOutbox(lambda: 0.0)
     for number in range(100):
         outbox.put_pose(pose(number))
     outbox.put(PACKET)
@@ -239,7 +239,7 @@ def test_only_the_newest_pose_leaves_and_after_all_else() -> None:
 
 def test_a_pose_that_had_to_wait_for_too_long_does_not_leave() -> None:
     time_s = 0.0
-    outbox = Outbox(lambda: time_s)
+    outbox = PacketOutbox(lambda: time_s)
     outbox.put_pose(pose(1))
     time_s = OLDEST_POSE_S + 0.01
     outbox.put(PACKET)
@@ -249,9 +249,9 @@ def test_a_pose_that_had_to_wait_for_too_long_does_not_leave() -> None:
 
 def test_a_stale_pose_is_passed_over_for_what_comes_next() -> None:
     times_s = iter([0.0, OLDEST_POSE_S + 0.01, 1.0, 1.0])
-    outbox = Outbox(lambda: next(times_s))
+    outbox = PacketOutbox(lambda: next(times_s))
     outbox.put_pose(pose(1))
-    taken: list[Packet | None] = []
+    taken: list[CrtpPacket | None] = []
     taking = threading.Thread(target=lambda: taken.append(outbox.take()))
     taking.start()
     until(lambda: outbox._pose is None)
@@ -279,7 +279,7 @@ def test_poses_given_while_a_radio_is_blocked_do_not_leave_later(crtp: Crtp) -> 
     link.send(PACKET)
     may_send.set()
     sent = [crtp.driver.sent.get(timeout=LIMIT_S) for _ in range(2)]
-    assert [Packet(each.port, each.channel, bytes(each.data)) for each in sent] == [pose(0), PACKET]
+    assert [CrtpPacket(each.port, each.channel, bytes(each.data)) for each in sent] == [pose(0), PACKET]
     link.close()
     rest = [bytes(crtp.driver.sent.get_nowait().data) for _ in range(crtp.driver.sent.qsize())]
     assert rest in ([], [pose(99).data])  # it has left, unless this computer was slow
@@ -289,11 +289,11 @@ def test_a_radio_that_is_unplugged_is_said(crtp: Crtp) -> None:
     link = make_link(RADIO)
     link.open()
     crtp.on_error("Error communicating with crazy radio\nException: many lines")
-    with pytest.raises(LinkError, match=r"^Error communicating with crazy radio$"):
+    with pytest.raises(CrtpLinkError, match=r"^Error communicating with crazy radio$"):
         link.receive(0.01)
     link.close()
     crtp.error = "Cannot find a Crazyradio Dongle"
-    with pytest.raises(LinkError, match="Cannot find a Crazyradio Dongle"):
+    with pytest.raises(CrtpLinkError, match="Cannot find a Crazyradio Dongle"):
         link.open()
 
 
@@ -309,10 +309,10 @@ def test_the_only_crazyflie_of_a_scan_is_taken(crtp: Crtp) -> None:
 
 def test_several_crazyflies_are_listed(crtp: Crtp) -> None:
     crtp.found = (RADIO, "usb://0")
-    with pytest.raises(LinkError, match=f"several Crazyflies: give --url, one of {RADIO}, usb://0"):
+    with pytest.raises(CrtpLinkError, match=f"several Crazyflies: give --url, one of {RADIO}, usb://0"):
         ScannedLink().open()
     crtp.found = ()
-    with pytest.raises(LinkError, match=r"^no Crazyflie found$"):
+    with pytest.raises(CrtpLinkError, match=r"^no Crazyflie found$"):
         ScannedLink().open()
 
 
@@ -321,7 +321,7 @@ def test_without_a_dongle_the_radio_is_not_scanned_and_the_lack_is_said(
 ) -> None:
     monkeypatch.setattr(crazyradio, "get_serials", tuple)
     crtp.found = (RADIO,)
-    with pytest.raises(LinkError, match=r"^no Crazyflie found, and no Crazyradio$"):
+    with pytest.raises(CrtpLinkError, match=r"^no Crazyflie found, and no Crazyradio$"):
         ScannedLink().open()
     crtp.found = (RADIO, "usb://0")
     assert links.scan() == ["usb://0"]
@@ -332,7 +332,7 @@ def test_a_scan_of_the_real_drivers_prints_and_logs_nothing(
     capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(crazyradio, "get_serials", tuple)
-    with contextlib.suppress(LinkError):
+    with contextlib.suppress(CrtpLinkError):
         links.scan()
     assert (capfd.readouterr(), caplog.records) == (("", ""), [])
 

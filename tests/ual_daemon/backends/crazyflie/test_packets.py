@@ -20,7 +20,7 @@ from hypothesis import strategies as st
 from ual.geometry import Quaternion, Vector3
 from ual_daemon.backends.crazyflie import packets
 from ual_daemon.backends.crazyflie.encoder import Encoder
-from ual_daemon.backends.crazyflie.packets import Packet
+from ual_daemon.backends.crazyflie.packets import CrtpPacket
 from ual_daemon.backends.values import PositionSetpoint, VelocitySetpoint
 
 PROTOCOLS = pytest.mark.parametrize("protocol", [7, 8, 9, 11, 12])
@@ -132,7 +132,7 @@ def test_rotations_in_32_bits(roll_rad: float, pitch_rad: float, yaw_rad: float)
 
 @given(st.binary(max_size=31))
 def test_any_bytes_are_a_packet_or_nothing(data: bytes) -> None:
-    packet = Packet.decode(data)
+    packet = CrtpPacket.decode(data)
     assert packet is None or packet.encode()[1:] == data[1:]
 
 

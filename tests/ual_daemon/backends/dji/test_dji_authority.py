@@ -5,12 +5,12 @@ from __future__ import annotations
 import pytest
 
 from ual_daemon.backends.dji import modes
-from ual_daemon.backends.dji.authority import Authority
+from ual_daemon.backends.dji.authority import DjiAuthority
 
 
-def flying() -> Authority:
+def flying() -> DjiAuthority:
     """In the air after a take-off, with authority that was granted, and setpoints since 10 s."""
-    authority = Authority()
+    authority = DjiAuthority()
     authority.grant(is_granted=True)
     authority.note_status(modes.IN_AIR, 5.0)
     authority.observe(modes.AUTO_TAKE_OFF, 0.5, 5.1)

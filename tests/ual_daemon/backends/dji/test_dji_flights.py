@@ -23,7 +23,7 @@ from ual.types import GpsFix, Limits, State
 from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.rosbridge.url import BridgeUrl
-from ual_daemon.backends.rosbridge.websocket import Transport
+from ual_daemon.backends.rosbridge.websocket import BridgeTransport
 from ual_daemon.backends.values import Snapshot
 
 KINDS = (LockstepPsdk, LockstepOsdk, LockstepOsdkVehicle)
@@ -289,7 +289,7 @@ class _Breaking(LockstepPsdk):
     is_gone = False
 
     @override
-    def _connect(self, url: BridgeUrl, wait: Callable[[], None]) -> Transport:
+    def _connect(self, url: BridgeUrl, wait: Callable[[], None]) -> BridgeTransport:
         transport = super()._connect(url, wait)
         receive, send = transport.receive, transport.send
 
@@ -577,7 +577,7 @@ class _BreaksOnce(LockstepPsdk):
     is_broken = False
 
     @override
-    def _connect(self, url: BridgeUrl, wait: Callable[[], None]) -> Transport:
+    def _connect(self, url: BridgeUrl, wait: Callable[[], None]) -> BridgeTransport:
         transport = super()._connect(url, wait)
         send = transport.send
 

@@ -14,7 +14,7 @@ from tests.waiting import LIMIT_S, until
 from ual.types import State
 from ual_daemon.backends.dji import modes
 from ual_daemon.backends.dji.settings import DjiSettings
-from ual_daemon.backends.dji.telemetry import Telemetry
+from ual_daemon.backends.dji.telemetry import DjiTelemetry
 from ual_daemon.backends.dji.wrappers import WRAPPERS
 from ual_daemon.backends.rosbridge import Message
 from ual_daemon.backends.values import Control
@@ -103,9 +103,9 @@ def test_motors_that_have_just_started_are_no_other_mode() -> None:
         assert uav.state() is State.FLYING_AUTO
 
 
-def given() -> Telemetry:
+def given() -> DjiTelemetry:
     """An aircraft on the ground whose control authority the wrapper gives us at 1 s."""
-    telemetry = Telemetry(WRAPPERS[0], DjiSettings())
+    telemetry = DjiTelemetry(WRAPPERS[0], DjiSettings())
     telemetry.on_flight_status({"flight_status": modes.ON_GROUND}, 0.9)
     telemetry.on_display_mode({"display_mode": modes.P_GPS}, 0.9)
     telemetry.on_control_mode(REMOTE, 0.9)
@@ -113,7 +113,7 @@ def given() -> Telemetry:
     return telemetry
 
 
-def control(telemetry: Telemetry, now_s: float) -> Control:
+def control(telemetry: DjiTelemetry, now_s: float) -> Control:
     mode = telemetry.snapshot(now_s).control.mode
     assert mode is not None
     return mode.value.control

@@ -12,7 +12,7 @@ from typing_extensions import override
 from ual.geometry import Vector3
 from ual_daemon.backends.dji import modes
 from ual_daemon.backends.dji.settings import DjiSettings
-from ual_daemon.backends.dji.telemetry import Telemetry
+from ual_daemon.backends.dji.telemetry import DjiTelemetry
 from ual_daemon.backends.dji.wrappers import WRAPPERS, Wrapper
 from ual_daemon.backends.engine.readings import Reading
 from ual_daemon.backends.rosbridge import Message
@@ -30,7 +30,7 @@ def told(**messages: Message) -> Snapshot:
         "on_body_rates": {"vector": {"x": 0.0, "y": 0.0, "z": 0.1}},
         "on_position": {"latitude": 37.0, "longitude": -6.0, "altitude": 20.0},
     }
-    telemetry = Telemetry(next(each for each in WRAPPERS if not each.has_sea_level), DjiSettings())
+    telemetry = DjiTelemetry(next(each for each in WRAPPERS if not each.has_sea_level), DjiSettings())
     for name, message in {**usual, **messages}.items():
         telemetry.on_message(name, message, NOW_S)
     return telemetry.snapshot(NOW_S)
@@ -78,7 +78,7 @@ def test_home_is_on_the_ground_also_where_the_daemon_was_started_in_the_air(
     said: dict[str, Message] = {"on_flight_status": {"data": status}} if status is not None else {}
     said |= {"on_height": {"data": height_m}} if height_m is not None else {}
     position = {"latitude": 37.0, "longitude": -6.0, "altitude": 20.0}
-    telemetry = Telemetry(next(each for each in WRAPPERS if not each.has_sea_level), DjiSettings())
+    telemetry = DjiTelemetry(next(each for each in WRAPPERS if not each.has_sea_level), DjiSettings())
     level = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
     usual: dict[str, Message] = {"on_gps_level": {"data": 5}, "on_attitude": {"quaternion": level}}
     for name, message in {**usual, **said, "on_position": position}.items():
@@ -115,13 +115,13 @@ def test_impossible_rates_are_not_taken() -> None:
     ],
 )
 def test_why_its_motors_do_not_start_is_told_in_words(number: int, text: str) -> None:
-    telemetry = Telemetry(WRAPPERS[0], DjiSettings())
+    telemetry = DjiTelemetry(WRAPPERS[0], DjiSettings())
     telemetry.on_motor_error({"data": number}, 0.0)
     assert telemetry.why_not_start == text
 
 
 def test_the_mode_of_the_ground_may_come_before_the_ground() -> None:
-    telemetry = Telemetry(next(each for each in WRAPPERS if not each.has_sea_level), DjiSettings())
+    telemetry = DjiTelemetry(next(each for each in WRAPPERS if not each.has_sea_level), DjiSettings())
     telemetry.on_flight_status({"data": modes.IN_AIR}, 1.0)
     for mode, now_s in ((modes.AUTO_LANDING, 1.0), (modes.SDK_CONTROL, 1.02), (modes.AUTO_LANDING, 1.04)):
         telemetry.on_display_mode({"data": mode}, now_s)  # the second one has come late
@@ -134,7 +134,7 @@ def test_the_mode_of_the_ground_may_come_before_the_ground() -> None:
 
 
 def test_a_landing_that_is_ended_in_the_air_is_told_soon() -> None:
-    telemetry = Telemetry(next(each for each in WRAPPERS if not each.has_sea_level), DjiSettings())
+    telemetry = DjiTelemetry(next(each for each in WRAPPERS if not each.has_sea_level), DjiSettings())
     telemetry.on_flight_status({"data": modes.IN_AIR}, 1.0)
     telemetry.on_display_mode({"data": modes.AUTO_LANDING}, 1.0)
     telemetry.on_display_mode({"data": modes.P_GPS}, 2.0)
@@ -172,8 +172,10 @@ class _Vanishing(Reading[Any]):
         lambda telemetry: telemetry.note_setpoint(Vector3(1.0), NOW_S),
     ],
 )
-def test_what_is_discarded_while_another_thread_reads_it(wrapper: Wrapper, read: Callable[[Telemetry], object]) -> None:
-    telemetry = Telemetry(wrapper, DjiSettings())
+def test_what_is_discarded_while_another_thread_reads_it(
+    wrapper: Wrapper, read: Callable[[DjiTelemetry], object]
+) -> None:
+    telemetry = DjiTelemetry(wrapper, DjiSettings())
     telemetry.on_attitude({"quaternion": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}, NOW_S)
     telemetry.on_gps_level({"data": 5}, NOW_S)
     telemetry.on_altitude({"data": 20.0}, NOW_S)
@@ -201,7 +203,7 @@ def test_what_is_discarded_while_another_thread_reads_it(wrapper: Wrapper, read:
     ids=["ros1 fatal", "ros1 error", "ros2 fatal", "ros2 error"],
 )
 def test_what_the_wrapper_logs_as_fatal_is_severe(message: Message, is_severe: bool) -> None:
-    telemetry = Telemetry(next(each for each in WRAPPERS if not each.has_sea_level), DjiSettings())
+    telemetry = DjiTelemetry(next(each for each in WRAPPERS if not each.has_sea_level), DjiSettings())
     telemetry.note_severity(message, "the SDK has failed", NOW_S)
     found = telemetry.snapshot(NOW_S).condition.severe_texts
     assert [each.text for each in found] == ["the SDK has failed"] * is_severe

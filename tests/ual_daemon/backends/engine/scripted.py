@@ -27,7 +27,7 @@ from ual_daemon.backends.engine.command_runner import CommandRunner
 from ual_daemon.backends.engine.limits import CATCH_UP_S, OWN_MODE_S, SETPOINTS_WAIT_S, SILENT_S
 from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.engine.loop import Loop
-from ual_daemon.backends.engine.readings import Lasts, Reading, Readings
+from ual_daemon.backends.engine.readings import Reading, Readings, Valid
 from ual_daemon.backends.values import Control, ControlState, LinkState, Mode, Snapshot
 
 ROUND_S = 0.05
@@ -267,8 +267,8 @@ class Scripted:
         self.updates: list[Snapshot] = []
         self._broken: BrokenRuleError | None = None
         self.readings = Readings()
-        self.read_mode: Reading[Mode] = self.readings.add(Lasts.SEEN)
-        self.read_armed: Reading[bool] = self.readings.add(Lasts.SEEN)
+        self.read_mode: Reading[Mode] = self.readings.add(Valid.WHILE_HEARD)
+        self.read_armed: Reading[bool] = self.readings.add(Valid.WHILE_HEARD)
         self.watch = LinkWatch("script", LOST_S, on_lost=self.readings.discard_state)
         self.runner: CommandRunner[str] = CommandRunner(
             "the script",

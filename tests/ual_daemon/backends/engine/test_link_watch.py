@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from ual_daemon.backends.engine.limits import ANEW_S, SILENT_S
-from ual_daemon.backends.engine.link_watch import STALE_S, LinkState, LinkWatch
+from ual_daemon.backends.engine.link_watch import STALE_S, LinkWatch, LinkWatchState
 from ual_daemon.backends.values import LinkReport
 
 
@@ -25,26 +25,26 @@ def told() -> Told:
     return Told()
 
 
-def state(watch: LinkWatch) -> LinkState:
+def state(watch: LinkWatch) -> LinkWatchState:
     return watch.state
 
 
 def test_the_link_goes_from_connecting_to_connected_to_stale_to_lost_and_back(told: Told) -> None:
     watch = told.watch
     watch.tick(100.0)
-    assert state(watch) is LinkState.CONNECTING
+    assert state(watch) is LinkWatchState.CONNECTING
     assert not watch.is_up(100.0)
     watch.on_heard(100.0)
     watch.tick(100.0 + STALE_S - 0.05)
-    assert state(watch) is LinkState.CONNECTED
+    assert state(watch) is LinkWatchState.CONNECTED
     watch.tick(100.0 + STALE_S + 0.05)
-    assert state(watch) is LinkState.STALE
+    assert state(watch) is LinkWatchState.STALE
     assert watch.is_up(101.0)
     watch.tick(101.05)
-    assert state(watch) is LinkState.LOST
+    assert state(watch) is LinkWatchState.LOST
     assert not watch.is_up(101.05)
     assert watch.on_heard(110.0) == 10.0
-    assert state(watch) is LinkState.CONNECTED
+    assert state(watch) is LinkWatchState.CONNECTED
     assert watch.lost_count == 1
     assert watch.report() == LinkReport(lost_count=1, reboots_count=0)
 

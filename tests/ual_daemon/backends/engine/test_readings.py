@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from typing import Any
+
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ual_daemon.backends.engine.readings import OLDEST_S, Lasts, Reading, Readings
+from ual_daemon.backends.engine import contained, readings
+from ual_daemon.backends.engine.contained import ErrorBarrier
+from ual_daemon.backends.engine.readings import OLDEST_S, Reading, Readings, Valid
 from ual_daemon.backends.values import NEVER_S, LandedState, Sample
 
 
 def test_a_value_is_a_sample_with_the_time_of_its_reception() -> None:
-    reading: Reading[bool] = Readings().add(Lasts.SEEN, limit_s=0.5)
+    reading: Reading[bool] = Readings().add(Valid.WHILE_HEARD, limit_s=0.5)
     assert (reading.sample, reading.value, reading.fresh(1.0)) == (None, None, None)
     assert reading.on_value(True, 1.0)
     assert reading.sample == Sample(True, 1.0)
@@ -21,7 +26,7 @@ def test_a_value_is_a_sample_with_the_time_of_its_reception() -> None:
 
 def test_a_late_message_is_ignored_unless_its_order_must_be_wrong() -> None:
     readings = Readings()
-    mode: Reading[str] = readings.add(Lasts.SEEN)
+    mode: Reading[str] = readings.add(Valid.WHILE_HEARD)
     readings.order = 7
     assert mode.on_value("hold", 1.0)
     readings.order = 5
@@ -33,7 +38,7 @@ def test_a_late_message_is_ignored_unless_its_order_must_be_wrong() -> None:
 @given(st.lists(st.integers(0, 30), min_size=1, max_size=30))
 def test_whatever_the_order_of_arrival_the_newest_sent_is_what_is_known(numbers: list[int]) -> None:
     readings = Readings()
-    reading: Reading[int] = readings.add(Lasts.SEEN)
+    reading: Reading[int] = readings.add(Valid.WHILE_HEARD)
     for position, number in enumerate(numbers):
         readings.order = number
         reading.on_value(number, position / 30.0)
@@ -43,9 +48,9 @@ def test_whatever_the_order_of_arrival_the_newest_sent_is_what_is_known(numbers:
 def test_each_value_lasts_as_long_as_its_kind() -> None:
     readings = Readings()
     unknown = Sample(LandedState.UNKNOWN, NEVER_S)
-    landed: Reading[LandedState] = readings.add(Lasts.SEEN, unknown=unknown)
-    home: Reading[float] = readings.add(Lasts.BOOT)
-    battery: Reading[float] = readings.add(Lasts.EVER)
+    landed: Reading[LandedState] = readings.add(Valid.WHILE_HEARD, unknown=unknown)
+    home: Reading[float] = readings.add(Valid.UNTIL_REBOOT)
+    battery: Reading[float] = readings.add(Valid.ALWAYS)
     readings.order = 9
 
     def take() -> None:
@@ -64,3 +69,13 @@ def test_each_value_lasts_as_long_as_its_kind() -> None:
     assert (landed.sample, home.value, battery.value) == (unknown, None, 50.0)
     readings.order = 1  # a new boot counts anew
     take()
+
+
+def test_the_old_names_warn_and_mean_the_same() -> None:
+    with pytest.warns(DeprecationWarning, match="Lasts is Valid"):
+        lasts: Any = readings.Lasts
+    assert lasts.SEEN is Valid.WHILE_HEARD
+    assert lasts.BOOT is Valid.UNTIL_REBOOT
+    assert lasts.EVER is Valid.ALWAYS
+    with pytest.warns(DeprecationWarning, match="Contained is ErrorBarrier"):
+        assert contained.Contained is ErrorBarrier

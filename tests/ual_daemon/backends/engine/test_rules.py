@@ -160,7 +160,7 @@ def _ignoring_bridges(self: CommandRunner[str], *args: object, hindrance: object
 
 def _again_into_silences(self: CommandRunner[str], *args: object, real: Callable[..., str]) -> str:
     pending = args[0]
-    assert isinstance(pending, command_runner._Pending)
+    assert isinstance(pending, command_runner._PendingCommand)
     return "" if pending.sends_count else real(self, *args)
 
 
@@ -204,7 +204,7 @@ MUTATIONS = {
         _without(CommandRunner, "drop", lambda *_: None), (("ask", "arm"), ("wait", 0.05), ("reboot", 0))
     ),
     "withdrawn": Mutation(
-        lambda patch: patch.setattr(command_runner._Pending, "is_withdrawn", property(lambda _: False)),
+        lambda patch: patch.setattr(command_runner._PendingCommand, "is_withdrawn", property(lambda _: False)),
         (("ask", "arm"), ("wait", 0.05), ("withdraw", -1)),
     ),
 }

@@ -29,7 +29,7 @@ from tests.simulators.rosbridge import Answer, Message
 from tests.ual_daemon.backends.faults.craft import Can, Craft, Seen
 from ual.simulation import Command, CommandRefused, LinkLost
 from ual_daemon.backends.base import BackendOptions
-from ual_daemon.backends.crazyflie.packets import HIGH_LEVEL, LAND, PLATFORM, SET_ARMED, SETPOINT, Packet
+from ual_daemon.backends.crazyflie.packets import HIGH_LEVEL, LAND, PLATFORM, SET_ARMED, SETPOINT, CrtpPacket
 from ual_daemon.backends.light import LightBackend
 from ual_daemon.backends.values import Setpoint
 
@@ -255,11 +255,11 @@ class OfCrazyflie(OnBadLink):
         self.link = BadLink(memory, 0)
         self.crazyflie = Crazyflie(memory)
         self.crazyflie.port = self.link
-        self._received: list[tuple[float, Packet]] = []
+        self._received: list[tuple[float, CrtpPacket]] = []
         take = self.crazyflie._take
 
         def note(raw: bytes) -> None:
-            packet = Packet.decode(raw)
+            packet = CrtpPacket.decode(raw)
             if packet is not None:
                 self._received.append((self.now_s, packet))
             take(raw)
@@ -297,7 +297,7 @@ class OfCrazyflie(OnBadLink):
         self.crazyflie.ignored = {HIGH_LEVEL, PLATFORM} if does else set()
 
 
-def _name(packet: Packet) -> str:
+def _name(packet: CrtpPacket) -> str:
     """Returns the name of a command; nothing for a hover, which the backend begins by itself."""
     if packet.port == PLATFORM and packet.channel == 0 and packet.data[0] == SET_ARMED:
         return "arm"

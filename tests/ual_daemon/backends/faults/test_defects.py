@@ -17,8 +17,8 @@ from ual.types import State, Telemetry
 from ual_daemon.backends.dji.gimbals import DjiGimbal
 from ual_daemon.backends.light.camera import LightCameras
 from ual_daemon.backends.mavlink.offers import reach as mavlink_reach
-from ual_daemon.backends.mavlink.protocols.cameras import Cameras
-from ual_daemon.backends.mavlink.protocols.gimbals import Gimbals
+from ual_daemon.backends.mavlink.protocols.cameras import CameraProtocol
+from ual_daemon.backends.mavlink.protocols.gimbals import GimbalProtocol
 from ual_daemon.backends.mavros.offers.services import Services
 
 
@@ -41,7 +41,13 @@ def test_an_update_that_fails_above_ends_no_flight(craft: Craft, caplog: pytest.
     assert len(told) == 1
 
 
-_BESIDE = ((Cameras, "tick"), (Gimbals, "tick"), (Services, "tick"), (DjiGimbal, "tick"), (LightCameras, "step"))
+_BESIDE = (
+    (CameraProtocol, "tick"),
+    (GimbalProtocol, "tick"),
+    (Services, "tick"),
+    (DjiGimbal, "tick"),
+    (LightCameras, "step"),
+)
 """Methods of the backends' threads beside flying."""
 _HAVE_MORE = ("px4", "ardupilot", "mavros px4", "mavros ardupilot", "dji psdk", "dji osdk", "light")
 """Backends whose threads do more than fly."""
@@ -78,7 +84,7 @@ def test_a_defect_of_what_is_begun_beside_flying_ends_its_future_only() -> None:
         return setup.loop.give(what, lambda future, _: begin(Mock(), future))
 
     setup = Setup()
-    mavlink = mavlink_reach.Reach(lambda: None, lambda _: cast("Any", ()), Mock(), give)
+    mavlink = mavlink_reach.ProtocolAccess(lambda: None, lambda _: cast("Any", ()), Mock(), give)
     failed: list[Future[None]] = [mavlink.give("read its logs", fail)]
     mavros = Mock(
         session_in_reach=lambda _: None,

@@ -28,11 +28,11 @@ from ual.missions import (
 )
 from ual.parameters.values import real32
 from ual.types import AltitudeReference
-from ual_daemon.backends.firmwares.mission_codec import ArduCopterMissions, MissionCodec, Place, Px4Missions
+from ual_daemon.backends.firmwares.mission_codec import ArduCopterMissions, GeoPosition, MissionCodec, Px4Missions
 from ual_daemon.backends.firmwares.mission_items import MissionItem
 
 PX4, COPTER = Px4Missions(), ArduCopterMissions()
-HERE = Place(47.3977, 8.5456)
+HERE = GeoPosition(47.3977, 8.5456)
 AMSL = AltitudeReference.AMSL
 A = Waypoint(47.1, 8.1, 20.0)
 BOTH: list[Item] = [

@@ -26,7 +26,7 @@ from ual.simulation import LinkLost
 from ual_daemon.backends.light import camera, painter, painting
 from ual_daemon.backends.light.painter import Painter
 from ual_daemon.backends.light.png import encode
-from ual_daemon.backends.light.scene import Marker, Order, Scene
+from ual_daemon.backends.light.scene import Marker, PaintedScene, PaintOrder
 from ual_daemon.backends.light.settings import ARUCO_0, LightCameraSettings, LightMarkerSettings
 from ual_daemon.backends.offers.cameras import OfferedCamera, OfferedCameras
 from ual_daemon.backends.values import PositionSetpoint, VelocitySetpoint
@@ -45,7 +45,7 @@ def closed_drones() -> Iterator[None]:
 
 def picture(pose: Pose, *markers: Marker, view: CameraIntrinsics = VIEW, **options: Any) -> np.ndarray[Any, Any]:
     """Returns the picture of a camera at a pose: rows of columns of colours."""
-    return painting.paint(pose, view, Scene(0.0, markers), **options).astype(int)
+    return painting.paint(pose, view, PaintedScene(0.0, markers), **options).astype(int)
 
 
 def pixel_of(camera: Pose, point: Vector3) -> tuple[int, int]:
@@ -108,7 +108,7 @@ def test_a_camera_that_lies_on_the_ground_sees_something() -> None:
 @pytest.mark.parametrize("pitch_rad", [math.pi / 2.0, 0.8, 0.0, -0.3])
 def test_how_far_the_ground_is_is_told_for_each_pixel_and_infinity_for_the_sky(pitch_rad: float) -> None:
     pose = Pose(Vector3(-0.4, 0.3, 3.0), Quaternion.from_euler(0.1, pitch_rad, 0.5))
-    depth, far = (measure(pose, VIEW, Scene(1.0)) for measure in (painting.depths, painting.ranges))
+    depth, far = (measure(pose, VIEW, PaintedScene(1.0)) for measure in (painting.depths, painting.ranges))
     for row in range(0, VIEW.height_px, 10):
         for column in range(0, VIEW.width_px, 10):
             left = (VIEW.centre_x_px - column) / VIEW.focal_length_x_px
@@ -122,7 +122,7 @@ def test_how_far_the_ground_is_is_told_for_each_pixel_and_infinity_for_the_sky(p
 def test_each_marker_the_ground_and_the_sky_have_a_label() -> None:
     pose = Pose(Vector3(0.0, 0.0, 3.0), Quaternion.from_euler(0.0, 0.4, 0.0))
     markers = [Marker(4.0, each, 0.6, 0.3, ((True, False), (False, True))) for each in (0.9, -0.9)]
-    labels = painting.segments(pose, VIEW, Scene(0.0, markers))
+    labels = painting.segments(pose, VIEW, PaintedScene(0.0, markers))
     assert (labels == labels[..., :1]).all()
     assert set(labels.ravel()) == {painting.SKY_LABEL, painting.GROUND_LABEL, 2, 3}
     assert labels[0, 0, 0] == painting.SKY_LABEL
@@ -295,7 +295,7 @@ def test_without_a_link_nothing_is_answered_and_it_is_not_connected() -> None:
 def test_only_so_many_pictures_wait_and_closing_ends_them(monkeypatch: pytest.MonkeyPatch) -> None:
     painted: list[Future[bytes]] = []
 
-    def paint(_: Painter, order: Order) -> Future[bytes]:
+    def paint(_: Painter, order: PaintOrder) -> Future[bytes]:
         assert order.intrinsics.width_px == 64
         painted.append(Future())
         return painted[-1]
@@ -316,12 +316,12 @@ def test_only_so_many_pictures_wait_and_closing_ends_them(monkeypatch: pytest.Mo
 
 
 def test_a_process_that_ends_is_told_and_replaced() -> None:
-    order = Order(Pose(Vector3(0.0, 0.0, 2.0), DOWN), CameraIntrinsics.of_view(8, 6, 1.2), Scene(0.0))
+    order = PaintOrder(Pose(Vector3(0.0, 0.0, 2.0), DOWN), CameraIntrinsics.of_view(8, 6, 1.2), PaintedScene(0.0))
     painter = Painter()
     try:
         first = painter.paint(order).result(LIMIT_S)
         assert pixels_of_png(first)[:2] == (8, 6)
-        bad: Any = Order(order.camera, order.intrinsics, None)  # type: ignore[arg-type]  # what ends the process
+        bad: Any = PaintOrder(order.camera, order.intrinsics, None)  # type: ignore[arg-type]  # what ends the process
         with pytest.raises(UalError, match="the process that paints pictures has ended: status 1"):
             painter.paint(bad).result(LIMIT_S)
         assert painter.paint(order).result(LIMIT_S) == first
@@ -333,7 +333,7 @@ def test_a_process_that_ends_is_told_and_replaced() -> None:
 @pytest.mark.parametrize("how", ["late", "closed"])
 def test_a_process_that_stops_is_not_waited_for_without_end(monkeypatch: pytest.MonkeyPatch, how: str) -> None:
     monkeypatch.setattr(painter, "PATIENCE_S" if how == "late" else "_END_S", 0.1)
-    order = Order(Pose(Vector3(0.0, 0.0, 2.0), DOWN), CameraIntrinsics.of_view(8, 6, 1.2), Scene(0.0))
+    order = PaintOrder(Pose(Vector3(0.0, 0.0, 2.0), DOWN), CameraIntrinsics.of_view(8, 6, 1.2), PaintedScene(0.0))
     easel = painter._Easel()
     try:
         process = easel._thread.submit(lambda: easel._start() and easel._process).result(LIMIT_S)

@@ -9,10 +9,10 @@ from abc import abstractmethod
 from typing_extensions import override
 
 from ual_daemon.backends.mavlink.links import Address
-from ual_daemon.backends.mavlink.links.base import Chunk, Link
+from ual_daemon.backends.mavlink.links.base import Chunk, MavlinkLink
 
 
-class EndlessLink(Link):
+class EndlessLink(MavlinkLink):
     """Its descriptor is readable all the time; `receive` says what comes."""
 
     def __init__(self) -> None:

@@ -10,7 +10,7 @@ from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.links import Address
 from ual_daemon.backends.mavlink.playback import NoLink
 from ual_daemon.backends.mavlink.session.discovery import Discovery
-from ual_daemon.backends.mavlink.session.session import Session
+from ual_daemon.backends.mavlink.session.session import MavlinkSession
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
 from ual_daemon.backends.mavlink.wire.frames import split
 from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
@@ -117,7 +117,7 @@ class Harness:
         return [message for message in self.link.take("COMMAND_LONG") if message.command == command]
 
     @property
-    def session(self) -> Session:
+    def session(self) -> MavlinkSession:
         session = self.discovery.session
         assert session is not None
         return session

@@ -23,7 +23,7 @@ from ual.types import State, Telemetry
 from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions, UpdateCallback
 from ual_daemon.backends.firmwares.ardupilot import ArduCopter
-from ual_daemon.backends.mavlink.links import Connection
+from ual_daemon.backends.mavlink.links import LinkConnection
 from ual_daemon.backends.mavlink.links.base import Chunk
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.backends.values import Cause
@@ -130,7 +130,7 @@ class OnAnotherLink(Flight):
         self.start()
 
 
-class Listening(Connection):
+class Listening(LinkConnection):
     """The link of a daemon beside the one that steps the autopilot: it waits for what comes."""
 
     def __init__(self, port: MemoryPort) -> None:

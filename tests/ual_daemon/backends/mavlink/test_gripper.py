@@ -18,10 +18,10 @@ from ual_daemon.backends.firmwares.gripper_codec import ANSWER_S, UNSENT_S
 from ual_daemon.backends.futures import OpenFutures
 from ual_daemon.backends.mavlink.dialects.command_long import LongCommand
 from ual_daemon.backends.mavlink.offers.gripper import MavlinkGripper
-from ual_daemon.backends.mavlink.offers.reach import Orders, Reach
+from ual_daemon.backends.mavlink.offers.reach import Orders, ProtocolAccess
 from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
-from ual_daemon.backends.mavlink.session.session import Session
+from ual_daemon.backends.mavlink.session.session import MavlinkSession
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.offers.gripper import ServoOrder, WinchOrder
@@ -43,7 +43,7 @@ class Bench(Harness):
         super().__init__()
         messages = PayloadMessages()
         self.discovery = Discovery(MavlinkSettings(), self.link, "test", self.setpoints, None, messages)
-        reach = Reach(lambda: self.discovery.session, self._reach, lambda act: act(self.discovery), self._give)
+        reach = ProtocolAccess(lambda: self.discovery.session, self._reach, lambda act: act(self.discovery), self._give)
         self.gripper = MavlinkGripper(Orders(reach, self._command, messages))
         self.autopilot = autopilot
         self.orders: list[tuple[float, ...]] = []
@@ -69,7 +69,7 @@ class Bench(Harness):
         """The autopilot acknowledges."""
         self.receive(ack(command, result))
 
-    def _reach(self, what: str) -> Session | UalError:
+    def _reach(self, what: str) -> MavlinkSession | UalError:
         if self.discovery.session is None or not self.discovery.watch.is_up(self.now_s):
             return LinkLostError(f"cannot {what}: not heard")
         return self.session

@@ -12,7 +12,7 @@ import pytest
 from tests.ual_daemon.backends.mavlink.fakes import BOOT_MS, Harness, ack, attitude, heartbeat, packer, position
 from tests.waiting import LIMIT_S, until
 from ual_daemon.backends.base import BackendOptions
-from ual_daemon.backends.engine.link_watch import LinkState
+from ual_daemon.backends.engine.link_watch import LinkWatchState
 from ual_daemon.backends.mavlink import MavlinkBackend
 from ual_daemon.backends.mavlink.wire.frames import FrameReader
 from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
@@ -86,7 +86,7 @@ def test_in_bad_weather_everything_is_asked_and_only_what_was_sent_is_believed(s
     assert {436.0, 245.0, 230.0} <= asked <= {436.0, 245.0, 230.0, 31.0, 32.0, 65.0, 85.0, 147.0, 33.0, 24.0, 1.0}
     assert max(fresh_s) < 3.0  # a heartbeat that is late is asked for
     found = harness.supervision.statistics(harness.now_s, harness.discovery.receiver.corrupt_count)
-    assert found.state is LinkState.CONNECTED
+    assert found.state is LinkWatchState.CONNECTED
     assert found.loss == pytest.approx(1 - down.arrived_count / sent_count, abs=0.04)
     assert found.corrupt_count > 300
 

@@ -20,7 +20,7 @@ from tests.waiting import until
 from ual.geometry import Vector3
 from ual_daemon.backends.base import Backend, BackendOptions
 from ual_daemon.backends.clock import MonotonicClock
-from ual_daemon.backends.engine.link_watch import LinkState
+from ual_daemon.backends.engine.link_watch import LinkWatchState
 from ual_daemon.backends.mavlink import MavlinkBackend
 from ual_daemon.backends.mavlink.links import make_link
 from ual_daemon.backends.mavlink.links.base import BATCH_BYTES
@@ -115,10 +115,10 @@ class World:
     def end(self, index: int) -> None:
         self._running[index].close()
 
-    def states(self) -> list[LinkState]:
+    def states(self) -> list[LinkWatchState]:
         return [each.link_statistics().state for each in self.backends]
 
-    def wait_until_all_are(self, *states: LinkState) -> None:
+    def wait_until_all_are(self, *states: LinkWatchState) -> None:
         until(lambda: set(self.states()) <= set(states), "the state of all links", seen=self.states)
 
 
@@ -145,7 +145,7 @@ def world_over(kind: str) -> Iterator[World]:
 @pytest.fixture(params=["udp", "tcp"])
 def world(request: pytest.FixtureRequest) -> Iterator[World]:
     with world_over(request.param) as world:
-        world.wait_until_all_are(LinkState.CONNECTED)
+        world.wait_until_all_are(LinkWatchState.CONNECTED)
         yield world
 
 
@@ -167,23 +167,23 @@ def test_each_finds_its_own_and_commands_and_setpoints_go_nowhere_else(world: Wo
 
 def test_one_that_falls_silent_is_lost_and_the_others_are_not(world: World) -> None:
     world.end(1)
-    lost, up = LinkState.LOST, LinkState.CONNECTED
+    lost, up = LinkWatchState.LOST, LinkWatchState.CONNECTED
     until(lambda: world.states() == [up, lost, up], "the loss", seen=world.states)
     assert [each.link_statistics().lost_count for each in world.backends] == [0, 1, 0]
 
 
 def test_a_link_that_is_lost_is_lost_for_all_and_comes_back_for_all() -> None:
     with world_over("tcp") as world:
-        world.wait_until_all_are(LinkState.CONNECTED)
+        world.wait_until_all_are(LinkWatchState.CONNECTED)
         router = world.router
         assert router is not None
         router.end()
         until(lambda: all(each.snapshot().link.trouble for each in world.backends), "the trouble of all")
         troubles = {each.snapshot().link.trouble for each in world.backends}
         assert all(f"{HERE}:{router.address[1]}" in each for each in troubles)
-        world.wait_until_all_are(LinkState.LOST)
+        world.wait_until_all_are(LinkWatchState.LOST)
         router.begin()
-        world.wait_until_all_are(LinkState.CONNECTED)
+        world.wait_until_all_are(LinkWatchState.CONNECTED)
         until(lambda: not any(each.snapshot().link.trouble for each in world.backends), "the end of the trouble")
 
 

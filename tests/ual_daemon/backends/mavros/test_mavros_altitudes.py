@@ -11,7 +11,7 @@ from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.firmwares.ardupilot import ArduCopter
 from ual_daemon.backends.firmwares.autopilot import HomeUnknownError
 from ual_daemon.backends.mavros import topics
-from ual_daemon.backends.mavros.telemetry import Telemetry
+from ual_daemon.backends.mavros.telemetry import MavrosTelemetry
 from ual_daemon.backends.rosbridge import Message
 
 PLACE: Message = {"latitude": 47.0, "longitude": 8.0}
@@ -22,7 +22,7 @@ class Lab:
     """An ArduCopter through MAVROS that stands at its home, 500 m above mean sea level."""
 
     def __init__(self) -> None:
-        self.telemetry = Telemetry(ArduCopter(), LinkWatch("bridge", 1.0), lambda: 0.0)
+        self.telemetry = MavrosTelemetry(ArduCopter(), LinkWatch("bridge", 1.0), lambda: 0.0)
         self.take(topics.FIX, {**HERE, "status": {"status": 0}, "position_covariance_type": 0})
         self.take(topics.GPS_RAW, {"lat": 470000000, "lon": 80000000, "alt": 500000, "fix_type": 3})
         self.take(topics.POSE, {"pose": {"position": xyz(Vector3()), "orientation": {**xyz(Vector3()), "w": 1.0}}})

@@ -23,7 +23,7 @@ from ual.types import State
 from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.futures import OpenFutures
-from ual_daemon.backends.mavros.offers.cameras import AcknowledgedCamera, Means
+from ual_daemon.backends.mavros.offers.cameras import AcknowledgedCamera, CameraServices
 from ual_daemon.backends.offers.cameras import Viewpoint
 from ual_daemon.backends.values import LinkState, MotionState, Sample, Snapshot
 
@@ -183,7 +183,7 @@ def test_what_is_due_while_an_order_waits_is_missed_and_a_boot_ends_it() -> None
     def look() -> Viewpoint:
         return Viewpoint(boots_count=1)
 
-    means = Means(
+    means = CameraServices(
         lambda _: Future(),
         lambda act: act(),
         OpenFutures().give,

@@ -13,8 +13,8 @@ from ual_daemon.backends.engine.command_runner import CommandRunner, RunnerSetti
 from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.firmwares.px4 import Px4
 from ual_daemon.backends.mavros import commands, messages
-from ual_daemon.backends.mavros.commands import TEXT_S, Answer, Call, read_answer
-from ual_daemon.backends.rosbridge.calls import Calls, ServiceError, ServiceTimeoutError
+from ual_daemon.backends.mavros.commands import TEXT_S, Answer, MavrosCall, read_answer
+from ual_daemon.backends.rosbridge.calls import PendingCalls, ServiceError, ServiceTimeoutError
 from ual_daemon.backends.values import ControlState, Sample, Snapshot
 
 
@@ -22,7 +22,7 @@ class Exchange:
     """The safety pilot flies, and control is taken. `calls` are the services that were called."""
 
     def __init__(self) -> None:
-        self.calls: list[tuple[Call, Hashable]] = []
+        self.calls: list[tuple[MavrosCall, Hashable]] = []
         self.taken_back: list[int] = []
         self.is_held_up = False
         self.now_s = 100.0
@@ -31,7 +31,7 @@ class Exchange:
         """Since when nothing is heard."""
         self.watch = LinkWatch("rosbridge", 1.0)
         self.watch.on_heard(self.now_s)
-        self.runner: CommandRunner[Call] = CommandRunner(
+        self.runner: CommandRunner[MavrosCall] = CommandRunner(
             "PX4",
             self._call,
             lambda _: self.snapshot(),
@@ -44,7 +44,7 @@ class Exchange:
         self.done = self.runner.submit(commands.set_mode("OFFBOARD", "take control"), self.now_s)
         self.is_held_up = False
 
-    def _call(self, call: Call, _: int, key: Hashable) -> Callable[[], object]:
+    def _call(self, call: MavrosCall, _: int, key: Hashable) -> Callable[[], object]:
         self.calls.append((call, key))
         number = len(self.calls) - 1
         return lambda: self.taken_back.append(number)
@@ -178,7 +178,7 @@ def test_the_call_of_a_command_that_has_ended_is_withdrawn(end: str) -> None:
     [commands.set_mode("AUTO.LAND", "land"), commands.arm_or_disarm(is_arming=True), commands.climb(3.0)],
     ids=lambda command: command.what,
 )
-def test_a_command_into_a_silence_is_not_sent_but_fails_in_words(command: Command[Call]) -> None:
+def test_a_command_into_a_silence_is_not_sent_but_fails_in_words(command: Command[MavrosCall]) -> None:
     it = Exchange()
     it.silent_s = 100.0
     it.step(0.3)
@@ -268,7 +268,7 @@ def test_why_a_mode_was_not_entered_is_told(answer: dict[str, object], text: str
     "command", [commands.arm_or_disarm(is_arming=True), commands.climb(3.0)], ids=lambda command: command.what
 )
 def test_what_the_answers_to_commands_say(
-    command: Command[Call], answer: dict[str, object], after_s: float, verdict: Verdict, text: str
+    command: Command[MavrosCall], answer: dict[str, object], after_s: float, verdict: Verdict, text: str
 ) -> None:
     reply = read_answer(command.request, answer, after_s)
     assert (reply.verdict, reply.text) == (verdict, text)
@@ -285,7 +285,7 @@ def test_what_the_answers_to_commands_say(
     ],
 )
 def test_a_call_whose_answer_the_bridge_has_lost_may_have_been_executed(text: str) -> None:
-    calls = Calls()
+    calls = PendingCalls()
     ident, answer = calls.begin("/mavros/cmd/arming", 0.0, 6.0)
     calls.answer({"op": "service_response", "id": ident, "values": text, "result": False})
     error = answer.exception(0.0)

@@ -17,7 +17,7 @@ from ual_daemon.backends.firmwares.ardupilot import ArduCopter
 from ual_daemon.backends.firmwares.baseline import FRESH_S
 from ual_daemon.backends.mavros import topics
 from ual_daemon.backends.mavros.corrections import MavrosCorrections, pieces
-from ual_daemon.backends.mavros.telemetry import Telemetry
+from ual_daemon.backends.mavros.telemetry import MavrosTelemetry
 from ual_daemon.backends.rosbridge import Message
 
 LENGTHS = [25, 180, 360, 540, 720, 333, 179, 181]
@@ -100,7 +100,7 @@ def test_what_waits_while_the_autopilot_is_not_heard_is_dropped_and_counted() ->
 
 
 def test_the_base_line_is_told_while_it_comes() -> None:
-    telemetry = Telemetry(ArduCopter(), LinkWatch("a bridge", 1.0), lambda: 0.0)
+    telemetry = MavrosTelemetry(ArduCopter(), LinkWatch("a bridge", 1.0), lambda: 0.0)
     fix = {
         "status": {"status": 0},
         "position_covariance_type": 0,

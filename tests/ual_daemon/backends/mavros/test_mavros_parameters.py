@@ -12,7 +12,7 @@ from ual_daemon.backends.firmwares.ardupilot import ArduCopter
 from ual_daemon.backends.firmwares.gimbal_codec import ArduPilotGimbal
 from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter as Copter
 from ual_daemon.backends.mavros.parameters import AGAIN_S, LONGEST_ROUND_S, ParameterReader
-from ual_daemon.backends.rosbridge import Message, Ros
+from ual_daemon.backends.rosbridge import Message, RosGeneration
 
 OLD = {"WPNAV_SPEED": 1000.0, "WPNAV_SPEED_UP": 250.0, "WPNAV_SPEED_DN": 150.0, "WPNAV_ACCEL": 250.0,
        "WPNAV_ACCEL_Z": 100.0, "ATC_SLEW_YAW": 6000.0, "PSC_JERK_XY": 5.0, "PSC_JERK_Z": 5.0}  # fmt: skip
@@ -39,7 +39,7 @@ class Bench:
 
     def tick(self, now_s: float) -> None:
         for _ in range(100):
-            self.reader.tick(now_s, Ros.ROS1, self._call)
+            self.reader.tick(now_s, RosGeneration.ROS1, self._call)
 
 
 @pytest.mark.parametrize(

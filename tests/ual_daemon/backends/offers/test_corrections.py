@@ -8,7 +8,7 @@ import pytest
 
 from tests.rtcm import message
 from ual.errors import ResourceExhaustedError
-from ual_daemon.backends.offers.corrections import SILENCE_S, Injected, Turn, WaitingCorrections
+from ual_daemon.backends.offers.corrections import SILENCE_S, Injected, SenderTurn, WaitingCorrections
 
 FIRST, SECOND, THIRD = message(100, 1), message(100, 2), message(100, 3)
 
@@ -54,7 +54,7 @@ def test_all_are_dropped_where_the_link_is_lost() -> None:
 
 
 def test_one_sends_at_a_time_and_another_one_hears_its_name() -> None:
-    turn = Turn(lambda: now_s[0])
+    turn = SenderTurn(lambda: now_s[0])
     now_s, first, second = [100.0], object(), object()
     turn.keep(first, "the caster")
     assert turn.name == "the caster"
@@ -70,7 +70,7 @@ def test_one_sends_at_a_time_and_another_one_hears_its_name() -> None:
 
 
 def test_a_sender_that_is_silent_loses_its_turn_to_another_one_that_asks() -> None:
-    turn = Turn(lambda: now_s[0])
+    turn = SenderTurn(lambda: now_s[0])
     now_s, first, second = [100.0], object(), object()
     turn.keep(first, "the caster")
     now_s[0] += SILENCE_S + 0.1

@@ -2,19 +2,19 @@ from __future__ import annotations
 
 import pytest
 
-from ual_daemon.backends.rosbridge.graph import Graph, Ros
+from ual_daemon.backends.rosbridge.graph import Graph, RosGeneration
 
 
 @pytest.mark.parametrize(
     ("ros", "kind"),
     [
-        (Ros.ROS1, "mavros_msgs/State"),
-        (Ros.ROS1, "mavros_msgs/VFR_HUD"),
-        (Ros.ROS2, "mavros_msgs/msg/State"),
-        (Ros.ROS2, "mavros_msgs/msg/VfrHud"),
+        (RosGeneration.ROS1, "mavros_msgs/State"),
+        (RosGeneration.ROS1, "mavros_msgs/VFR_HUD"),
+        (RosGeneration.ROS2, "mavros_msgs/msg/State"),
+        (RosGeneration.ROS2, "mavros_msgs/msg/VfrHud"),
     ],
 )
-def test_a_topic_is_found_by_the_type_that_its_ros_gives_it(ros: Ros, kind: str) -> None:
+def test_a_topic_is_found_by_the_type_that_its_ros_gives_it(ros: RosGeneration, kind: str) -> None:
     """Types as a real MAVROS 1.21 publishes them, and as the sources of 2.12 name them."""
     name = kind.rsplit("/", 1)[-1]
     graph = Graph(ros, {"/topic": kind})

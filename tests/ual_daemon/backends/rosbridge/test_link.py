@@ -21,10 +21,10 @@ from tests.simulators.rosbridge import Bridge, Message, RefusedError
 from tests.simulators.rosbridge_server import RosbridgeServer
 from tests.waiting import until
 from ual_daemon.backends.clock import MonotonicClock
-from ual_daemon.backends.rosbridge import BridgeUrl, LinkState, Ros, RosbridgeLink, parse_url
+from ual_daemon.backends.rosbridge import BridgeUrl, RosbridgeLink, RosbridgeState, RosGeneration, parse_url
 from ual_daemon.backends.rosbridge.calls import ServiceError, ServiceTimeoutError
 from ual_daemon.backends.rosbridge.fields import number, numbers, stamp_s
-from ual_daemon.backends.rosbridge.websocket import Transport, dial
+from ual_daemon.backends.rosbridge.websocket import BridgeTransport, dial
 
 STAMP = {"sec": 12, "nanosec": 500_000_000}
 
@@ -112,7 +112,7 @@ def test_it_finds_out_which_ros_and_reads_messages(ros: int, has_cbor: bool) -> 
         until(lambda: heard.has_news)
         assert heard.link.is_up
         assert heard.link.graph is not None
-        assert heard.link.graph.ros is Ros(ros)
+        assert heard.link.graph.ros is RosGeneration(ros)
         message, _ = heard.messages[0]
         assert stamp_s(message) == 12.5
         assert math.isnan(number(message["bad"]))
@@ -245,11 +245,11 @@ def test_a_bridge_that_stalls_is_silent_within_a_second_and_then_connected_anew(
         until(lambda: heard.has_news)
         server.is_frozen = True
         begun_s = time.monotonic()
-        until(lambda: heard.link.state is LinkState.SILENT)
+        until(lambda: heard.link.state is RosbridgeState.SILENT)
         for _ in range(1000):
             heard.link.publish("setpoint", {"x": 1.0})  # dropped: the link is not up
         assert heard.steps_count > 10
-        until(lambda: heard.link.state is LinkState.CONNECTING)
+        until(lambda: heard.link.state is RosbridgeState.CONNECTING)
         assert time.monotonic() - begun_s > 2.0
         server.is_frozen = False
         heard.messages.clear()
@@ -281,7 +281,7 @@ def test_a_bridge_without_a_master_is_told_and_healed() -> None:
         server.bridge.faults.has_master = False
         with listening(server.url) as heard:
             until(lambda: "Unable to communicate with master" in heard.link.why_not)
-            assert heard.link.state is LinkState.ASKING
+            assert heard.link.state is RosbridgeState.ASKING
             server.bridge.faults.has_master = True
             until(lambda: heard.has_news)
 
@@ -299,7 +299,7 @@ def test_a_node_that_comes_late_is_subscribed_to() -> None:
 def test_a_connection_that_breaks_while_a_backend_subscribes_for_the_first_time_is_made_anew() -> None:
     breaks = ["subscribe"]
 
-    def dial_breaking(url: BridgeUrl, on_wait: Callable[[], None]) -> Transport:
+    def dial_breaking(url: BridgeUrl, on_wait: Callable[[], None]) -> BridgeTransport:
         transport = dial(url, on_wait)
         send = transport.send
 

@@ -6,10 +6,10 @@ import pytest
 from typing_extensions import override
 
 from ual_daemon.backends.rosbridge.outbox import Outbox
-from ual_daemon.backends.rosbridge.websocket import Transport
+from ual_daemon.backends.rosbridge.websocket import BridgeTransport
 
 
-class Socket(Transport):
+class Socket(BridgeTransport):
     """Takes messages, unless it is full."""
 
     heard = 0

@@ -16,7 +16,7 @@ from tests.ual_daemon.backends.rosbridge.test_link import Talker
 from ual_daemon.backends.rosbridge import operations
 from ual_daemon.backends.rosbridge.calls import ServiceError, ServiceTimeoutError
 from ual_daemon.backends.rosbridge.slow_calls import SlowCalls
-from ual_daemon.backends.rosbridge.websocket import Transport
+from ual_daemon.backends.rosbridge.websocket import BridgeTransport
 
 ADD, DEAD, LIMIT_S = "/uav/add", "/uav/refuse", 5.0
 
@@ -49,7 +49,7 @@ class Bench:
         self.is_refused = False
         self.calls = SlowCalls(self._connect, lambda: self.now_s)
 
-    def _connect(self) -> Transport:
+    def _connect(self) -> BridgeTransport:
         if self.is_refused:
             raise ConnectionRefusedError("nobody listens there")
         self.connections_count += 1

@@ -17,7 +17,7 @@ from tests.simulators.memory_transport import MemoryTransport
 from tests.simulators.rosbridge import Bridge
 from tests.simulators.rosbridge_server import RosbridgeServer
 from tests.ual_daemon.backends.rosbridge.test_link import Talker
-from ual_daemon.backends.rosbridge import BridgeUrl, LinkState, RosbridgeLink, operations, parse_url
+from ual_daemon.backends.rosbridge import BridgeUrl, RosbridgeLink, RosbridgeState, operations, parse_url
 from ual_daemon.backends.rosbridge.calls import ServiceError
 from ual_daemon.backends.rosbridge.websocket import WebSocket, dial
 
@@ -31,7 +31,7 @@ class Stall:
         self.duration_s = duration_s
         self.bridge = Bridge(1, [Talker()])
         self.sent: list[tuple[float, dict[str, Any]]] = []
-        self.states: set[LinkState] = set()
+        self.states: set[RosbridgeState] = set()
         self.time_s = 0.0
         self._on_step = on_step
         self._over = threading.Event()
@@ -57,7 +57,7 @@ class Stall:
     @contextmanager
     def as_if_up(self) -> Iterator[None]:
         """Makes the state that of another thread that has looked before the link fell silent."""
-        state, self.link.state = self.link.state, LinkState.UP
+        state, self.link.state = self.link.state, RosbridgeState.UP
         yield
         self.link.state = state
 
@@ -95,7 +95,7 @@ def publish(it: Stall) -> None:
 def test_no_setpoint_is_sent_to_a_bridge_that_has_not_answered_a_ping_for_long() -> None:
     it = Stall(3.0, publish)
     it.run()
-    assert LinkState.SILENT in it.states
+    assert RosbridgeState.SILENT in it.states
     during = [at for at in it.sent_s("publish") if it.duration_s + STALLS_S > at > STALLS_S]
     assert max(during) < STALLS_S + 0.3 + 0.1 + 3.0 * STEP_S
     assert max(it.sent_s("publish")) > 5.9
@@ -104,7 +104,7 @@ def test_no_setpoint_is_sent_to_a_bridge_that_has_not_answered_a_ping_for_long()
 def test_after_a_short_stall_the_newest_setpoint_leaves_and_no_older_one() -> None:
     it = Stall(0.7, publish)
     it.run()
-    assert LinkState.SILENT not in it.states
+    assert RosbridgeState.SILENT not in it.states
     ages_s = [at - each["msg"]["x"] for at, each in it.sent if each["op"] == "publish"]
     assert max(ages_s) < 2.0 * STEP_S
 
@@ -163,7 +163,7 @@ def test_no_call_is_sent_while_the_bridge_is_silent_nor_kept_from_before() -> No
     def call(it: Stall) -> None:
         if it.time_s > STALLS_S + 0.45 and not calls:
             calls.append(it.link.call_service("/uav/add", {"a": 1, "b": 2}, timeout_s=4.0))
-        if it.link.state is LinkState.SILENT and len(calls) == 1:
+        if it.link.state is RosbridgeState.SILENT and len(calls) == 1:
             calls.append(it.link.call_service("/uav/add", {"a": 1, "b": 2}, timeout_s=4.0))
 
     calls: list[Any] = []
@@ -180,7 +180,7 @@ def test_what_another_thread_was_about_to_send_when_the_bridge_fell_silent_never
 
     def put(it: Stall) -> None:
         connections = it.link._connections
-        if it.link.state is LinkState.SILENT and not calls:
+        if it.link.state is RosbridgeState.SILENT and not calls:
             assert connections is not None
             connections.published.put("/uav/setpoint", operations.publish("/uav/setpoint", {"x": 1.0}), may_leave=False)
             with it.as_if_up():

@@ -9,14 +9,14 @@ from ual.errors import LinkLostError, RejectedByAutopilotError, TaskAbortedError
 from ual.geometry import Vector3
 from ual.types import TaskKind
 from ual_daemon.backends.values import Control, LandedState, PositionSetpoint
-from ual_daemon.flight.manoeuvres.land import Land
+from ual_daemon.flight.manoeuvres.land import LandManoeuvre
 from ual_daemon.flight.manoeuvres.manoeuvre import Step
 from ual_daemon.tracker.references import Hold
 
 
-def land(autopilot: Autopilot, ack: Future[None]) -> Land:
+def land(autopilot: Autopilot, ack: Future[None]) -> LandManoeuvre:
     hold = Hold(Vector3(1.0, 2.0, autopilot.z), 0.5)
-    return Land(autopilot.task(TaskKind.LAND), sent(ack, autopilot), hold, autopilot.snapshot())
+    return LandManoeuvre(autopilot.task(TaskKind.LAND), sent(ack, autopilot), hold, autopilot.snapshot())
 
 
 def test_a_landing_sends_references_only_until_the_autopilot_lands_by_itself(
@@ -101,7 +101,9 @@ def test_a_landing_that_is_stuck_says_so_and_what_can_be_done(flying: Autopilot,
 
 
 def test_where_there_is_no_safety_pilot_the_advice_is_to_abort(flying: Autopilot, ack: Future[None]) -> None:
-    landing = Land(flying.task(TaskKind.LAND), sent(ack, flying), None, flying.snapshot(), has_safety_pilot=False)
+    landing = LandManoeuvre(
+        flying.task(TaskKind.LAND), sent(ack, flying), None, flying.snapshot(), has_safety_pilot=False
+    )
     flying.control, flying.climb_m_s = Control.LAND, 0.0
     for _ in range(120):
         flying.step(landing)

@@ -19,7 +19,7 @@ from ual_daemon.backends.values import Control, Freshness, LandedState, Position
 from ual_daemon.flight.manoeuvres import land_on_setpoints as landing_module
 from ual_daemon.flight.manoeuvres.land_on_setpoints import LandOnSetpoints
 from ual_daemon.flight.manoeuvres.manoeuvre import Step
-from ual_daemon.flight.policy.jumps import Jump
+from ual_daemon.flight.policy.jumps import EstimateJump
 from ual_daemon.flight.state import estimate
 from ual_daemon.tracker.references import Hold
 
@@ -142,7 +142,7 @@ def test_a_jump_of_the_estimate_moves_its_place_too(flying: Autopilot, motors: M
     step(landing, flying)
     jump = Vector3(0.0, 3.0, 0.0)
     hold = Hold(HERE, 0.5)
-    assert landing.estimate_jumped(Jump(jump, 0.0), hold) is None
+    assert landing.estimate_jumped(EstimateJump(jump, 0.0), hold) is None
     moved = velocity(step(landing, flying, pose=at(flying, HERE + jump + Vector3(0.0, 0.0, 5.0))))
     assert (moved.x, moved.y) == (0.0, 0.0)
 

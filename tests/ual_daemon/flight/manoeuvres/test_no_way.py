@@ -36,7 +36,7 @@ from ual_daemon.settings import ToleranceSettings
 from ual_daemon.tracker.moving_goal import MovingGoal
 from ual_daemon.tracker.pure_pursuit import Pursuit
 from ual_daemon.tracker.references import TrajectoryReference
-from ual_daemon.trajectory import Motion, Trajectory, Waypoint, path
+from ual_daemon.trajectory import Motion, PathWaypoint, Trajectory, path
 
 STEP_S = 0.1
 WITHIN_S = 10.0
@@ -127,7 +127,7 @@ def follow(
 def test_only_what_was_said_since_it_began_is_told_as_a_reason(text: str) -> None:
     flown = Flown()
     flown.status_text = "EKF3 IMU0 is using GPS"  # since it has booted
-    far = Waypoint(START.position + Vector3(80.0, 0.0, 0.0), START.yaw_rad)
+    far = PathWaypoint(START.position + Vector3(80.0, 0.0, 0.0), START.yaw_rad)
     task = follow(flown, path(START, [far], 0.0, at(3.0)))
     flown.run(task, 2.0)
     flown.is_held_fast = True
@@ -175,7 +175,7 @@ def test_no_path_that_is_flown_ends_however_slow_it_is_and_however_long_it_holds
     place, waypoints = START.position, []
     for offset, hold_s in legs:
         place += offset
-        waypoints.append(Waypoint(place, yaw_rad, None, hold_s))
+        waypoints.append(PathWaypoint(place, yaw_rad, None, hold_s))
     limits = Limits(speed_m_s, speed_m_s, speed_m_s, yaw_rate_rad_s=yaw_rate_rad_s)
     flown = Flown(lag_s, wanders_m, turns)
     tracker: MakeTracker = Pursuit if is_pursued else TrajectoryReference
@@ -190,7 +190,7 @@ def test_a_motion_that_is_held_fast_ends_within_10_s(
     tracker: MakeTracker, speed_m_s: float, held_after_s: float
 ) -> None:
     flown = Flown(wanders_m=0.1)
-    manoeuvre = follow(flown, path(START, [Waypoint(Vector3(90.0, 2.0, 5.0))], 0.0, at(speed_m_s)), tracker)
+    manoeuvre = follow(flown, path(START, [PathWaypoint(Vector3(90.0, 2.0, 5.0))], 0.0, at(speed_m_s)), tracker)
     flown.run(manoeuvre, held_after_s)
     flown.is_held_fast = True
     assert STUCK_S - 0.2 - 0.3 / speed_m_s < flown.ends_after_s(manoeuvre) < WITHIN_S + 0.3 / speed_m_s
@@ -199,7 +199,7 @@ def test_a_motion_that_is_held_fast_ends_within_10_s(
 def test_one_that_is_held_fast_at_any_time_of_a_path_with_holds_ends_within_10_s_or_is_there() -> None:
     """In a hold, it is where it should be until that has ended."""
     hold_s = 30.0
-    waypoints = [Waypoint(Vector3(11.0, 2.0, 5.0), None, None, hold_s), Waypoint(Vector3(31.0, 2.0, 5.0))]
+    waypoints = [PathWaypoint(Vector3(11.0, 2.0, 5.0), None, None, hold_s), PathWaypoint(Vector3(31.0, 2.0, 5.0))]
     for held_after_s in range(0, 45, 3):
         flown = Flown()
         manoeuvre = follow(flown, path(START, waypoints, 0.0, at(2.0)))
@@ -211,7 +211,7 @@ def test_one_that_is_held_fast_at_any_time_of_a_path_with_holds_ends_within_10_s
 
 def test_one_that_is_blown_off_a_hold_and_kept_there_ends() -> None:
     flown = Flown()
-    waypoints = [Waypoint(Vector3(11.0, 2.0, 5.0), None, None, 600.0), Waypoint(Vector3(31.0, 2.0, 5.0))]
+    waypoints = [PathWaypoint(Vector3(11.0, 2.0, 5.0), None, None, 600.0), PathWaypoint(Vector3(31.0, 2.0, 5.0))]
     manoeuvre = follow(flown, path(START, waypoints, 0.0, at(2.0)))
     flown.run(manoeuvre, 20.0)
     flown.wind = Vector3(0.0, 5.0)
@@ -220,7 +220,7 @@ def test_one_that_is_blown_off_a_hold_and_kept_there_ends() -> None:
 
 def test_wind_that_holds_it_a_little_off_ends_no_hold() -> None:
     flown = Flown()
-    waypoints = [Waypoint(Vector3(11.0, 2.0, 5.0), None, None, 60.0), Waypoint(Vector3(31.0, 2.0, 5.0))]
+    waypoints = [PathWaypoint(Vector3(11.0, 2.0, 5.0), None, None, 60.0), PathWaypoint(Vector3(31.0, 2.0, 5.0))]
     manoeuvre = follow(flown, path(START, waypoints, 0.0, at(2.0)))
     flown.run(manoeuvre, 20.0)
     flown.wind = Vector3(0.0, 1.2)
@@ -232,7 +232,7 @@ def test_wind_that_holds_it_a_little_off_ends_no_hold() -> None:
 @pytest.mark.parametrize("tracker", [TrajectoryReference, Pursuit])
 def test_a_gust_that_blows_it_far_off_and_ends_does_not_end_the_motion(tracker: MakeTracker) -> None:
     flown = Flown(lag_s=2.0)
-    manoeuvre = follow(flown, path(START, [Waypoint(Vector3(60.0, 2.0, 5.0))], 0.0, at(3.0)), tracker)
+    manoeuvre = follow(flown, path(START, [PathWaypoint(Vector3(60.0, 2.0, 5.0))], 0.0, at(3.0)), tracker)
     flown.run(manoeuvre, 4.0)
     flown.wind = Vector3(0.0, 12.0)
     flown.run(manoeuvre, 6.0)
@@ -243,26 +243,26 @@ def test_a_gust_that_blows_it_far_off_and_ends_does_not_end_the_motion(tracker: 
 @pytest.mark.parametrize("tracker", [TrajectoryReference, Pursuit])
 def test_a_goal_from_which_it_is_held_off_ends_within_10_s_of_coming_no_nearer(tracker: MakeTracker) -> None:
     flown = Flown()
-    manoeuvre = follow(flown, path(START, [Waypoint(Vector3(11.0, 2.0, 5.0))], 0.0, at(2.0)), tracker)
+    manoeuvre = follow(flown, path(START, [PathWaypoint(Vector3(11.0, 2.0, 5.0))], 0.0, at(2.0)), tracker)
     flown.wind = Vector3(0.0, 1.3)
     flown.run(manoeuvre, 6.0)
     assert flown.ends_after_s(manoeuvre) < WITHIN_S + 1.0
 
 
 def test_a_turn_that_does_not_come_ends_within_10_s_and_a_slow_one_does_not() -> None:
-    turn = path(START, [Waypoint(START.position, -2.8)], 0.0, Limits(yaw_rate_rad_s=0.05))
+    turn = path(START, [PathWaypoint(START.position, -2.8)], 0.0, Limits(yaw_rate_rad_s=0.05))
     assert turn.duration_s > 50.0
     slow = Flown()
     assert slow.until_end(follow(slow, turn)) is None
     flown = Flown()
     flown.is_turned_fast = True
-    quick = path(START, [Waypoint(START.position, -2.8)], 0.0, Limits(yaw_rate_rad_s=2.0))
+    quick = path(START, [PathWaypoint(START.position, -2.8)], 0.0, Limits(yaw_rate_rad_s=2.0))
     assert flown.ends_after_s(follow(flown, quick)) < WITHIN_S + quick.duration_s
 
 
 def test_a_pause_counts_for_nothing() -> None:
     flown = Flown()
-    manoeuvre = follow(flown, path(START, [Waypoint(Vector3(21.0, 2.0, 5.0))], 0.0, at(2.0)))
+    manoeuvre = follow(flown, path(START, [PathWaypoint(Vector3(21.0, 2.0, 5.0))], 0.0, at(2.0)))
     assert manoeuvre.task is not None
     flown.run(manoeuvre, 3.0)
     manoeuvre.task.is_paused = True
@@ -273,7 +273,7 @@ def test_a_pause_counts_for_nothing() -> None:
 
 def test_a_time_without_updates_counts_for_nothing() -> None:
     flown = Flown()
-    manoeuvre = follow(flown, path(START, [Waypoint(Vector3(21.0, 2.0, 5.0))], 0.0, at(2.0)))
+    manoeuvre = follow(flown, path(START, [PathWaypoint(Vector3(21.0, 2.0, 5.0))], 0.0, at(2.0)))
     flown.run(manoeuvre, 3.0)
     flown.now_s += 30.0
     assert flown.until_end(manoeuvre) is None

@@ -21,14 +21,14 @@ from ual_daemon.backends.values import (
     Snapshot,
 )
 from ual_daemon.flight.manoeuvres.manoeuvre import Step
-from ual_daemon.flight.manoeuvres.take_off import TakeOff
+from ual_daemon.flight.manoeuvres.take_off import TakeOffManoeuvre
 from ual_daemon.flight.state import Estimate, estimate
 from ual_daemon.settings import ToleranceSettings
 from ual_daemon.tracker.references import Hold
 
 
-def take_off(autopilot: Autopilot, ack: Future[None], *, on_setpoints: bool) -> TakeOff:
-    return TakeOff(
+def take_off(autopilot: Autopilot, ack: Future[None], *, on_setpoints: bool) -> TakeOffManoeuvre:
+    return TakeOffManoeuvre(
         autopilot.task(TaskKind.TAKE_OFF),
         sent(ack, autopilot),
         autopilot.snapshot(),
@@ -101,7 +101,7 @@ def test_setpoints_stay_on_the_ground_until_the_mode_has_changed_and_then_climb(
 
 
 def test_a_low_climb_is_not_up_while_it_stands_on_the_ground(autopilot: Autopilot, ack: Future[None]) -> None:
-    climb = TakeOff(
+    climb = TakeOffManoeuvre(
         autopilot.task(TaskKind.TAKE_OFF),
         sent(ack, autopilot),
         autopilot.snapshot(),
@@ -216,7 +216,7 @@ def test_the_mode_that_was_left_to_arm_may_be_heard_of_after_the_take_off_has_be
 ) -> None:
     """PX4 says at once that it is armed, by an event, and its mode in a heartbeat that comes later."""
     before = changed(autopilot.snapshot(), mode=Sample(Mode("AUTO.LAND", Control.LAND), autopilot.time_s - 0.5))
-    climb = TakeOff(
+    climb = TakeOffManoeuvre(
         autopilot.task(TaskKind.TAKE_OFF),
         sent(ack, autopilot),
         before,
@@ -363,7 +363,7 @@ def test_a_climb_that_is_slow_by_its_limit_is_not_stuck(autopilot: Autopilot, ac
     slow = Limits(climb_speed_m_s=0.02)
     command, start = sent(ack, autopilot), autopilot.snapshot()
     task, tolerance = autopilot.task(TaskKind.TAKE_OFF), ToleranceSettings()
-    climb = TakeOff(task, command, start, HEIGHT_M, slow, tolerance, on_setpoints=True)
+    climb = TakeOffManoeuvre(task, command, start, HEIGHT_M, slow, tolerance, on_setpoints=True)
     ack.set_result(None)
     autopilot.control, autopilot.climb_m_s = Control.REFERENCES, 0.02
     while autopilot.z < HEIGHT_M:

@@ -1,6 +1,6 @@
 """The rule for a commanded velocity, as it was first written: by whole trajectories and polygons, and slow.
 
-`Geofence.require_velocity` must decide as it does.
+`GeofencePolicy.require_velocity` must decide as it does.
 """
 
 from __future__ import annotations

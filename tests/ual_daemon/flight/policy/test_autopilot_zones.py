@@ -15,7 +15,7 @@ from ual.types import GeoPoint, Limits
 from ual_daemon.backends.values import AutopilotFence, EarthReference, FenceLimit, MotionState, Sample, Snapshot, Zone
 from ual_daemon.flight.policy.autopilot_fence import breach_text
 from ual_daemon.flight.policy.autopilot_zones import local_zones
-from ual_daemon.flight.policy.geofence import Geofence
+from ual_daemon.flight.policy.geofence import GeofencePolicy
 from ual_daemon.frames.area import Area
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.geodesy import FlatProjection, Projection, SphereProjection
@@ -51,8 +51,8 @@ def snapshot(x: float, y: float, own: AutopilotFence = OWN, projection: Projecti
     )
 
 
-def geofence(settings: GeofenceSettings | None = None) -> Geofence:
-    return Geofence(settings, FrameResolver("uav_1", VehicleSettings(geofence=settings)))
+def geofence(settings: GeofenceSettings | None = None) -> GeofencePolicy:
+    return GeofencePolicy(settings, FrameResolver("uav_1", VehicleSettings(geofence=settings)))
 
 
 def at(x: float, y: float) -> Vector3:

@@ -13,7 +13,7 @@ from ual.errors import GeofenceError, WrongStateError
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Limits
 from ual_daemon.backends.values import EarthReference, MotionState, Sample, Snapshot
-from ual_daemon.flight.policy.geofence import Geofence
+from ual_daemon.flight.policy.geofence import GeofencePolicy
 from ual_daemon.frames.fence import Fence
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.geodesy import EllipsoidProjection
@@ -128,7 +128,7 @@ def standing_at(point: Vector3, velocity: Vector3 | None = None) -> tuple[Snapsh
     )
 
 
-def leaves(geofence: Geofence, polyline: Sequence[Vector3], snapshot: Snapshot) -> bool:
+def leaves(geofence: GeofencePolicy, polyline: Sequence[Vector3], snapshot: Snapshot) -> bool:
     try:
         geofence.require_inside(polyline, "goal", snapshot)
     except GeofenceError:
@@ -140,7 +140,7 @@ def test_the_polygon_lies_in_its_frame() -> None:
     field = FrameSettings(frame_id="field", translation=(100.0, 0.0, 2.0), yaw_rad=math.pi / 2)
     settings = GeofenceSettings(frame_id="field", polygon=tuple(L_SHAPE), min_height_m=0.0)
     snapshot, _ = standing_at(Vector3())
-    geofence = Geofence(settings, resolver(frames=(field,), home_pose=(100.0, 0.0, 0.0)))
+    geofence = GeofencePolicy(settings, resolver(frames=(field,), home_pose=(100.0, 0.0, 0.0)))
     # x of the field is y here; z = 0 of the field is 2 m here.
     assert not leaves(geofence, [at(-4.0, 9.0, 2.0)], snapshot)
     assert leaves(geofence, [at(-9.0, 9.0, 2.0)], snapshot)
@@ -149,7 +149,7 @@ def test_the_polygon_lies_in_its_frame() -> None:
 
 def test_a_fence_in_odom_moves_with_set_home() -> None:
     frames = resolver()
-    geofence = Geofence(GeofenceSettings(polygon=tuple(L_SHAPE)), frames)
+    geofence = GeofencePolicy(GeofenceSettings(polygon=tuple(L_SHAPE)), frames)
     snapshot, _ = standing_at(Vector3(20.0, 0.0, 0.0))
     assert leaves(geofence, [at(21.0, 1.0)], snapshot)
     frames.set_home(Vector3(20.0, 0.0, 0.0), snapshot, set_z=False)
@@ -161,7 +161,7 @@ def test_a_fence_in_odom_moves_with_set_home() -> None:
 def test_a_fence_in_map_stays_where_it_was(frame_id: str, map_origin_geo: tuple[float, float, float] | None) -> None:
     """Otherwise any client could move it away, one `set_home` after the other."""
     frames = resolver(frames=(FrameSettings(frame_id="field"),), map_origin_geo=map_origin_geo)
-    geofence = Geofence(GeofenceSettings(frame_id=frame_id, polygon=tuple(L_SHAPE), max_height_m=5.0), frames)
+    geofence = GeofencePolicy(GeofenceSettings(frame_id=frame_id, polygon=tuple(L_SHAPE), max_height_m=5.0), frames)
     snapshot = Snapshot(0.0, earth=EarthReference(projection=EllipsoidProjection(37.0, -6.0, 10.0)))
     frames.update(snapshot)
     for hop in range(1, 4):
@@ -174,7 +174,7 @@ def test_a_fence_in_map_stays_where_it_was(frame_id: str, map_origin_geo: tuple[
 def test_a_fence_in_a_frame_below_odom_moves_with_odom() -> None:
     field = FrameSettings(frame_id="field", parent_frame_id="uav_1/odom", translation=(100.0, 0.0, 0.0))
     frames = resolver(frames=(field,))
-    geofence = Geofence(GeofenceSettings(frame_id="field", polygon=tuple(L_SHAPE)), frames)
+    geofence = GeofencePolicy(GeofenceSettings(frame_id="field", polygon=tuple(L_SHAPE)), frames)
     snapshot, _ = standing_at(Vector3())
     frames.set_home(Vector3(20.0, 0.0, 0.0), snapshot, set_z=False)
     assert not leaves(geofence, [at(121.0, 1.0)], snapshot)
@@ -185,7 +185,7 @@ def test_a_geographic_polygon_lies_where_the_autopilot_projects_it() -> None:
     projection = EllipsoidProjection(37.0, -6.0, 10.0)
     corners = [projection.to_geo(Vector3(x, y, 0.0)) for x, y in L_SHAPE]
     polygon_geo = tuple((corner.latitude_deg, corner.longitude_deg) for corner in corners)
-    geofence = Geofence(GeofenceSettings(polygon_geo=polygon_geo), resolver())
+    geofence = GeofencePolicy(GeofenceSettings(polygon_geo=polygon_geo), resolver())
     with pytest.raises(WrongStateError, match="where on Earth"):
         geofence.require_inside([at(1, 1)], "goal", Snapshot(0.0))
     known = Snapshot(0.0, earth=EarthReference(projection=projection))
@@ -197,7 +197,7 @@ def test_a_geographic_polygon_lies_where_the_autopilot_projects_it() -> None:
 def test_a_uav_that_may_go_on_can_stop_inside(speed: float, heading: float) -> None:
     velocity = Vector3(speed * math.cos(heading), speed * math.sin(heading), 0.0)
     snapshot, motion = standing_at(at(2.5, 2.5), velocity)
-    geofence, limits = Geofence(GeofenceSettings(polygon=tuple(L_SHAPE)), resolver()), Limits()
+    geofence, limits = GeofencePolicy(GeofenceSettings(polygon=tuple(L_SHAPE)), resolver()), Limits()
     try:
         geofence.require_velocity(velocity, limits, snapshot)
     except GeofenceError:
@@ -212,7 +212,7 @@ def test_a_uav_that_may_change_its_velocity_can_stop_inside_or_stops_as_well_as_
 ) -> None:
     velocity = Vector3(speed * math.cos(heading), speed * math.sin(heading), 0.0)
     snapshot, motion = standing_at(at(2.5, 2.5), velocity)
-    geofence, limits = Geofence(GeofenceSettings(polygon=tuple(L_SHAPE)), resolver()), Limits()
+    geofence, limits = GeofencePolicy(GeofenceSettings(polygon=tuple(L_SHAPE)), resolver()), Limits()
     change = Vector3(commanded * math.cos(commanded_heading), commanded * math.sin(commanded_heading), 0.0)
     try:
         geofence.require_velocity(change, limits, snapshot)
@@ -223,7 +223,7 @@ def test_a_uav_that_may_change_its_velocity_can_stop_inside_or_stops_as_well_as_
 
 
 def test_a_uav_that_flies_to_the_edge_may_slow_down_or_reverse_but_not_go_aside() -> None:
-    geofence, limits = Geofence(GeofenceSettings(polygon=tuple(L_SHAPE)), resolver()), Limits()
+    geofence, limits = GeofencePolicy(GeofenceSettings(polygon=tuple(L_SHAPE)), resolver()), Limits()
     snapshot, _ = standing_at(at(8.0, 2.0), Vector3(3.0, 0.0, 0.0))  # too fast to stop inside
     for allowed in (Vector3(), Vector3(0.5, 0.0, 0.0), Vector3(-1.0, 0.0, 0.0), Vector3(-3.0, 0.0, 0.0)):
         geofence.require_velocity(allowed, limits, snapshot)
@@ -234,7 +234,7 @@ def test_a_uav_that_flies_to_the_edge_may_slow_down_or_reverse_but_not_go_aside(
 
 def test_a_uav_that_stands_at_the_edge_may_go_along_it_and_back_but_not_across_it() -> None:
     snapshot, _ = standing_at(at(9.99, 2.0))
-    geofence, limits = Geofence(GeofenceSettings(polygon=tuple(L_SHAPE)), resolver()), Limits()
+    geofence, limits = GeofencePolicy(GeofenceSettings(polygon=tuple(L_SHAPE)), resolver()), Limits()
     geofence.require_velocity(Vector3(-1.0, 0.0, 0.0), limits, snapshot)
     geofence.require_velocity(Vector3(0.0, 0.5, 0.0), limits, snapshot)
     with pytest.raises(GeofenceError, match="would leave the geofence"):
@@ -243,7 +243,7 @@ def test_a_uav_that_stands_at_the_edge_may_go_along_it_and_back_but_not_across_i
 
 def test_a_uav_outside_may_only_come_back() -> None:
     snapshot, _ = standing_at(at(60.0, 2.0))
-    geofence, limits = Geofence(GeofenceSettings(polygon=tuple(L_SHAPE)), resolver()), Limits()
+    geofence, limits = GeofencePolicy(GeofenceSettings(polygon=tuple(L_SHAPE)), resolver()), Limits()
     geofence.require_velocity(Vector3(-1.0, 0.0, 0.0), limits, snapshot)
     geofence.require_velocity(Vector3(), limits, snapshot)
     with pytest.raises(GeofenceError):
@@ -252,7 +252,7 @@ def test_a_uav_outside_may_only_come_back() -> None:
 
 def test_only_a_trajectory_that_begins_inside_leaves() -> None:
     """A UAV outside brakes where it is."""
-    geofence, limits = Geofence(GeofenceSettings(polygon=tuple(L_SHAPE)), resolver()), Limits()
+    geofence, limits = GeofencePolicy(GeofenceSettings(polygon=tuple(L_SHAPE)), resolver()), Limits()
     for x, leaves_it in ((5.0, False), (9.9, True), (12.0, False), (-3.0, False)):
         snapshot, motion = standing_at(at(x, 2.0), Vector3(1.0, 0.0, 0.0))
         assert geofence.is_left_by(Brake(motion, limits), limits, snapshot) == leaves_it
@@ -273,5 +273,5 @@ def test_only_a_trajectory_that_begins_inside_leaves() -> None:
 )
 def test_settings_that_make_no_fence_are_refused_at_the_start(settings: GeofenceSettings, key: str) -> None:
     with pytest.raises(ConfigError) as caught:
-        Geofence(settings, resolver())
+        GeofencePolicy(settings, resolver())
     assert caught.value.key == key

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from ual.errors import LeaseHeldError, LeaseLostError
-from ual_daemon.flight.policy.lease import EXPIRES_AFTER_S, NOBODY, Lease
+from ual_daemon.flight.policy.lease import EXPIRES_AFTER_S, NOBODY, FlightLease
 
 
 class Clock:
@@ -26,18 +26,18 @@ def clock() -> Clock:
 
 
 @pytest.fixture
-def held(clock: Clock) -> Lease:
+def held(clock: Clock) -> FlightLease:
     """One that nobody holds yet."""
-    return Lease(clock)
+    return FlightLease(clock)
 
 
-def test_without_a_lease_every_command_may_begin(held: Lease) -> None:
+def test_without_a_lease_every_command_may_begin(held: FlightLease) -> None:
     assert held.info is None
     assert held.id == NOBODY
     assert held.refusal("land", NOBODY) is None
 
 
-def test_while_it_is_held_only_its_holder_may_command(held: Lease) -> None:
+def test_while_it_is_held_only_its_holder_may_command(held: FlightLease) -> None:
     lease_id = held.acquire("survey", "laptop", take=False)
     refusal = held.refusal("land", NOBODY)
     assert isinstance(refusal, LeaseHeldError)
@@ -47,7 +47,7 @@ def test_while_it_is_held_only_its_holder_may_command(held: Lease) -> None:
     assert held.info is not None
 
 
-def test_another_one_gets_it_only_by_taking_it(held: Lease) -> None:
+def test_another_one_gets_it_only_by_taking_it(held: FlightLease) -> None:
     first = held.acquire("survey", "laptop", take=False)
     with pytest.raises(LeaseHeldError):
         held.acquire("film", "tablet", take=False)
@@ -58,13 +58,13 @@ def test_another_one_gets_it_only_by_taking_it(held: Lease) -> None:
     assert "taken by film (tablet)" in refusal.message
 
 
-def test_its_holder_gets_the_same_again(held: Lease) -> None:
+def test_its_holder_gets_the_same_again(held: FlightLease) -> None:
     lease_id = held.acquire("survey", "laptop", take=False)
     assert held.acquire("survey", "laptop", take=False, lease_id=lease_id) == lease_id
     assert held.acquire("survey", "laptop", take=True, lease_id=lease_id) == lease_id
 
 
-def test_it_lasts_as_long_as_it_is_kept(held: Lease, clock: Clock) -> None:
+def test_it_lasts_as_long_as_it_is_kept(held: FlightLease, clock: Clock) -> None:
     lease_id = held.acquire("survey", "laptop", take=False)
     for _ in range(10):
         clock.now_s += EXPIRES_AFTER_S - 0.1
@@ -78,7 +78,7 @@ def test_it_lasts_as_long_as_it_is_kept(held: Lease, clock: Clock) -> None:
     assert held.info is None
 
 
-def test_it_cannot_be_kept_once_it_was_not(held: Lease, clock: Clock) -> None:
+def test_it_cannot_be_kept_once_it_was_not(held: FlightLease, clock: Clock) -> None:
     lease_id = held.acquire("survey", "laptop", take=False)
     clock.now_s += EXPIRES_AFTER_S + 0.1
     with pytest.raises(LeaseLostError, match="it was not kept for 2 s"):
@@ -89,7 +89,7 @@ def test_it_cannot_be_kept_once_it_was_not(held: Lease, clock: Clock) -> None:
 
 
 @pytest.mark.parametrize("wrong", ["", "what nobody ever had"])
-def test_one_that_never_was_cannot_be_kept_or_released(held: Lease, wrong: str) -> None:
+def test_one_that_never_was_cannot_be_kept_or_released(held: FlightLease, wrong: str) -> None:
     with pytest.raises(LeaseLostError):
         held.keep(wrong)
     assert not held.release(wrong)
@@ -100,7 +100,7 @@ def test_one_that_never_was_cannot_be_kept_or_released(held: Lease, wrong: str) 
     held.keep(mine)
 
 
-def test_once_released_its_identifier_commands_nothing(held: Lease) -> None:
+def test_once_released_its_identifier_commands_nothing(held: FlightLease) -> None:
     lease_id = held.acquire("survey", "laptop", take=False)
     assert held.release(lease_id)
     assert not held.release(lease_id)
@@ -111,7 +111,7 @@ def test_once_released_its_identifier_commands_nothing(held: Lease) -> None:
 @given(st.lists(st.tuples(st.sampled_from("aktrw"), st.integers(0, 2)), max_size=60))
 def test_never_two_at_once(steps: list[tuple[str, int]]) -> None:
     clock = Clock()
-    held, ids = Lease(clock), [NOBODY] * 3
+    held, ids = FlightLease(clock), [NOBODY] * 3
 
     def may_command(program: int) -> bool:
         return held.refusal("go_to", ids[program]) is None

@@ -28,7 +28,7 @@ from ual_daemon.backends.values import (
     Snapshot,
     Zone,
 )
-from ual_daemon.flight.policy.geofence import Geofence
+from ual_daemon.flight.policy.geofence import GeofencePolicy
 from ual_daemon.flight.policy.reach import reach
 from ual_daemon.flight.state import Estimate
 from ual_daemon.frames.fence import Fence
@@ -105,9 +105,9 @@ def flights(draw: st.DrawFn) -> list[Moment]:
     return flight
 
 
-def geofence(settings: GeofenceSettings | None, clearance_m: float = 0.0) -> Geofence:
+def geofence(settings: GeofenceSettings | None, clearance_m: float = 0.0) -> GeofencePolicy:
     resolver = FrameResolver("uav_1", VehicleSettings(geofence=settings))
-    found = Geofence(settings, resolver, FLOOR_M, CEILING_M, clearance_m)
+    found = GeofencePolicy(settings, resolver, FLOOR_M, CEILING_M, clearance_m)
     ground = changed(Moment(Vector3(), Vector3(), Vector3()).snapshot(None), landed=Sample(LandedState.ON_GROUND, 0.0))
     found.observe(ground, Estimate(State.LANDED_ARMED, ""))
     return found
@@ -226,7 +226,7 @@ def bounds(fence: Fence) -> tuple[object, ...]:
     return (fence.lowest_m, fence.highest_m, fence.disc, [fence.is_inside(probe) for probe in probes])
 
 
-def is_refused(tested: Geofence, velocity: Vector3, snapshot: Snapshot) -> bool:
+def is_refused(tested: GeofencePolicy, velocity: Vector3, snapshot: Snapshot) -> bool:
     try:
         tested.require_velocity(velocity, Limits(), snapshot)
     except GeofenceError:
@@ -275,7 +275,7 @@ def test_the_floor_and_the_ceiling_follow_the_ground() -> None:
 
 def test_a_fence_below_map_follows_odom_in_map() -> None:
     frames = FrameResolver("uav_1", VehicleSettings(map_origin_geo=(47.4, 8.5, 488.0)))
-    tested = Geofence(GeofenceSettings(polygon=L_SHAPE, frame_id="map"), frames)
+    tested = GeofencePolicy(GeofenceSettings(polygon=L_SHAPE, frame_id="map"), frames)
     frames.tree.set_home(Vector3())
     assert tested.fence(HIGH).is_inside(Vector3(19.0, 0.0, 10.0))
     frames.tree.set_home(Vector3(5.0, 0.0, 0.0))  # the autopilot's origin moved, and nothing tied home

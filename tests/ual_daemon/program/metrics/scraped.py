@@ -10,7 +10,7 @@ from prometheus_client.core import Metric
 from prometheus_client.openmetrics.parser import text_string_to_metric_families
 
 from tests.waiting import LIMIT_S
-from ual_daemon.program.metrics.catalogue import Sample
+from ual_daemon.program.metrics.catalogue import MetricSample
 
 OPENMETRICS = "application/openmetrics-text; version=1.0.0"
 
@@ -23,7 +23,7 @@ class Values:
         self._samples = [(str(each.name), dict(each.labels), float(each.value)) for each in samples]
 
     @classmethod
-    def of(cls, samples: Iterable[Sample]) -> Values:
+    def of(cls, samples: Iterable[MetricSample]) -> Values:
         found = Metric("all", "", "untyped")
         for each in samples:
             found.add_sample(each.metric + each.suffix, dict(each.labels), each.value)

@@ -17,27 +17,27 @@ from tests.descriptors import no_descriptors
 from tests.ual_daemon.program.metrics.scraped import parsed, scraped, text_of
 from tests.waiting import LIMIT_S, until
 from ual_daemon.program.metrics import http_server
-from ual_daemon.program.metrics.catalogue import CATALOGUE, Sample
+from ual_daemon.program.metrics.catalogue import CATALOGUE, MetricSample
 from ual_daemon.program.metrics.exporter import FRESH_S, Collected, Exporter, families
 from ual_daemon.server.addresses import Address
 
 PAGE = Path(__file__).parents[4] / "docs" / "reference" / "metrics.md"
-UP = Sample("ual_up", "", {"ns": "uav_1"}, 1.0)
+UP = MetricSample("ual_up", "", {"ns": "uav_1"}, 1.0)
 LATE = [
-    Sample("ual_setpoint_lateness_seconds", "_bucket", {"ns": "uav_1", "le": le}, 2.0) for le in ("0.01", "+Inf")
+    MetricSample("ual_setpoint_lateness_seconds", "_bucket", {"ns": "uav_1", "le": le}, 2.0) for le in ("0.01", "+Inf")
 ] + [
-    Sample("ual_setpoint_lateness_seconds", "_count", {"ns": "uav_1"}, 2.0),
-    Sample("ual_setpoint_lateness_seconds", "_sum", {"ns": "uav_1"}, 0.01),
+    MetricSample("ual_setpoint_lateness_seconds", "_count", {"ns": "uav_1"}, 2.0),
+    MetricSample("ual_setpoint_lateness_seconds", "_sum", {"ns": "uav_1"}, 0.01),
 ]
-SENT = Sample("ual_setpoints_sent", "_total", {"ns": "uav_1"}, 3.0)
+SENT = MetricSample("ual_setpoints_sent", "_total", {"ns": "uav_1"}, 3.0)
 
 
 @pytest.fixture
-def serve() -> Iterator[Callable[[Callable[[], Iterable[Sample]]], str]]:
+def serve() -> Iterator[Callable[[Callable[[], Iterable[MetricSample]]], str]]:
     """Serves what a function gathers; where."""
     exporters: list[Exporter] = []
 
-    def start(gather: Callable[[], Iterable[Sample]]) -> str:
+    def start(gather: Callable[[], Iterable[MetricSample]]) -> str:
         exporters.append(Exporter(Address("127.0.0.1", 0)))
         exporters[-1].start(gather)
         return str(exporters[-1].address)
@@ -47,7 +47,7 @@ def serve() -> Iterator[Callable[[Callable[[], Iterable[Sample]]], str]]:
         each.close()
 
 
-Serve = Callable[[Callable[[], Iterable[Sample]]], str]
+Serve = Callable[[Callable[[], Iterable[MetricSample]]], str]
 
 
 def place_of(address: str) -> tuple[str, int]:
@@ -100,7 +100,7 @@ def test_however_often_it_is_asked_it_gathers_at_most_twice_a_second() -> None:
     gathered = []
     now_s = 5.0
 
-    def gather() -> list[Sample]:
+    def gather() -> list[MetricSample]:
         gathered.append(now_s)
         return [UP]
 
@@ -116,7 +116,7 @@ def test_however_often_it_is_asked_it_gathers_at_most_twice_a_second() -> None:
 def test_a_defect_is_logged_and_the_next_request_is_answered(serve: Serve, caplog: pytest.LogCaptureFixture) -> None:
     defects: list[Exception] = [ZeroDivisionError("a defect")]
 
-    def gather() -> list[Sample]:
+    def gather() -> list[MetricSample]:
         if defects:
             raise defects.pop()
         return [UP]
@@ -185,7 +185,7 @@ def test_the_end_waits_for_no_client_and_for_no_answer(monkeypatch: pytest.Monke
     monkeypatch.setattr(http_server, "_END_S", 10.0 * LIMIT_S)
     is_asked, may_go_on = threading.Event(), threading.Event()
 
-    def gather() -> list[Sample]:
+    def gather() -> list[MetricSample]:
         is_asked.set()
         may_go_on.wait(LIMIT_S)
         return [UP]

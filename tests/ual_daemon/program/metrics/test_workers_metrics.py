@@ -8,7 +8,7 @@ import pytest
 
 from tests.waiting import until_async
 from ual_daemon.program.metrics import workers
-from ual_daemon.program.metrics.catalogue import Sample
+from ual_daemon.program.metrics.catalogue import MetricSample
 from ual_daemon.program.metrics.workers import ASK, WorkersMetrics, packed
 
 
@@ -24,11 +24,11 @@ class Worker:
         self.told.append(words)
 
 
-def up(ns: str, value: float = 1.0) -> Sample:
-    return Sample("ual_up", "", {"ns": ns}, value)
+def up(ns: str, value: float = 1.0) -> MetricSample:
+    return MetricSample("ual_up", "", {"ns": ns}, value)
 
 
-async def asked(metrics: WorkersMetrics, some: Sequence[Worker], *answering: Worker) -> list[Sample]:
+async def asked(metrics: WorkersMetrics, some: Sequence[Worker], *answering: Worker) -> list[MetricSample]:
     """Returns the served samples when some of the workers answer the next question."""
     before = [len(worker.told) for worker in some]
     found = asyncio.create_task(asyncio.to_thread(metrics.samples))

@@ -14,15 +14,15 @@ from ual.network.settings import NetworkSettings
 from ual.types import Telemetry
 from ual_daemon.program.network import setup
 from ual_daemon.program.network.publisher import Publisher
-from ual_daemon.program.network.told import Told
+from ual_daemon.program.network.told import UavAnnouncement
 from ual_daemon.server.addresses import parse
 from ual_daemon.settings import ConfigError
 
 ROOT = Path(__file__).parents[4]
 
 
-def told(ns: str, *listen: str) -> Told:
-    return Told(ns, "light", [parse(each) for each in listen], lambda: telemetry(ns))
+def told(ns: str, *listen: str) -> UavAnnouncement:
+    return UavAnnouncement(ns, "light", [parse(each) for each in listen], lambda: telemetry(ns))
 
 
 def test_addresses_for_other_computers_come_first_by_the_name_of_the_host() -> None:
@@ -34,7 +34,7 @@ def test_addresses_for_other_computers_come_first_by_the_name_of_the_host() -> N
 
 
 def test_where_whoever_reaches_it_may_fly_no_role_is_needed() -> None:
-    open_to_all = Told("uav_1", "light", [], telemetry, needs_role=False)
+    open_to_all = UavAnnouncement("uav_1", "light", [], telemetry, needs_role=False)
     assert open_to_all.report("a").needed_role == ""
 
 
@@ -94,7 +94,7 @@ def test_a_uav_that_cannot_be_told_of_silences_no_other() -> None:
         raise OverflowError("a stamp beyond all years")
 
     teller = Publisher(NetworkSettings(), publisher_of(["uav_1", "uav_2", "uav_3"]))
-    broken = Told("uav_2", "light", [], fail)
+    broken = UavAnnouncement("uav_2", "light", [], fail)
     teller.begin([told("uav_1"), broken, told("uav_3")])
     for _ in range(2):
         assert [uav.ns for each in teller.reports(0.01) for uav in each.uavs] == ["uav_1", "uav_3"]

@@ -21,11 +21,11 @@ from tests.ual_daemon.server.raw import RESET, answer_to
 from tests.ual_daemon.server.serving import taking
 from tests.waiting import LIMIT_S, until
 from ual_daemon.server.transport import selection
-from ual_daemon.server.transport.base import Call, Transport, TransportServer
+from ual_daemon.server.transport.base import ServedCall, Transport, TransportServer
 from ual_daemon.server.transport.selection import Choice
 
 T = TypeVar("T")
-Served: TypeAlias = Callable[[Callable[[Call], None]], AbstractContextManager[grpc.Channel]]
+Served: TypeAlias = Callable[[Callable[[ServedCall], None]], AbstractContextManager[grpc.Channel]]
 
 
 class Loop:
@@ -60,7 +60,7 @@ def served(loop: Loop, transport: Choice) -> Served:
     """Serves calls that `take` takes until the block ends; a client's channel."""
 
     @contextmanager
-    def served(take: Callable[[Call], None]) -> Iterator[grpc.Channel]:
+    def served(take: Callable[[ServedCall], None]) -> Iterator[grpc.Channel]:
         with ExitStack() as stack:
             serving = taking(transport, take)
             address = loop.run(serving.__aenter__())
@@ -76,9 +76,9 @@ def stream(channel: grpc.Channel) -> Any:
 
 
 def test_a_call_has_its_method_metadata_and_peer(served: Served) -> None:
-    taken: SimpleQueue[Call] = SimpleQueue()
+    taken: SimpleQueue[ServedCall] = SimpleQueue()
 
-    def take(call: Call) -> None:
+    def take(call: ServedCall) -> None:
         taken.put(call)
         call.finish(b"answer")
 
@@ -94,7 +94,7 @@ def test_a_call_has_its_method_metadata_and_peer(served: Served) -> None:
 
 
 def test_messages_come_in_their_order_and_then_none(served: Served) -> None:
-    def take(call: Call) -> None:
+    def take(call: ServedCall) -> None:
         received: list[bytes] = []
 
         def on_message(message: bytes | None) -> None:
@@ -111,7 +111,7 @@ def test_messages_come_in_their_order_and_then_none(served: Served) -> None:
 
 
 def test_one_message_after_the_other_is_sent_then_the_status(served: Served) -> None:
-    def take(call: Call) -> None:
+    def take(call: ServedCall) -> None:
         left = [b"1", b"2", b"3"]
 
         def send(is_out: bool = True) -> None:
@@ -135,7 +135,7 @@ def test_one_message_after_the_other_is_sent_then_the_status(served: Served) -> 
 
 
 def test_only_the_first_end_counts_and_what_is_sent_after_it_is_left_out(served: Served) -> None:
-    def take(call: Call) -> None:
+    def take(call: ServedCall) -> None:
         call.finish(b"first")
         call.finish(code=grpc.StatusCode.INTERNAL)
         call.send(b"late", lambda _: None)
@@ -147,9 +147,9 @@ def test_only_the_first_end_counts_and_what_is_sent_after_it_is_left_out(served:
 
 
 def test_a_caller_who_gives_up_is_told_of(served: Served) -> None:
-    told, taken = threading.Event(), SimpleQueue[Call]()
+    told, taken = threading.Event(), SimpleQueue[ServedCall]()
 
-    def take(call: Call) -> None:
+    def take(call: ServedCall) -> None:
         call.watch(told.set)
         taken.put(call)
 
@@ -166,7 +166,7 @@ def test_a_caller_who_gives_up_is_told_of(served: Served) -> None:
 def test_a_call_that_ended_well_is_not_told_as_given_up(served: Served) -> None:
     told = threading.Event()
 
-    def take(call: Call) -> None:
+    def take(call: ServedCall) -> None:
         call.watch(told.set)
         call.finish(b"answer")
 
@@ -178,7 +178,7 @@ def test_a_call_that_ended_well_is_not_told_as_given_up(served: Served) -> None:
 def test_a_deadline_that_passes_is_a_caller_who_gives_up(served: Served) -> None:
     told, taken = threading.Event(), threading.Event()
 
-    def take(call: Call) -> None:
+    def take(call: ServedCall) -> None:
         call.watch(told.set)
         taken.set()
 
@@ -194,7 +194,7 @@ def test_a_deadline_that_passes_is_a_caller_who_gives_up(served: Served) -> None
 def test_a_send_that_a_vanished_caller_never_gets_ends_as_not_out(served: Served) -> None:
     ended: SimpleQueue[bool] = SimpleQueue()
 
-    def take(call: Call) -> None:
+    def take(call: ServedCall) -> None:
         def flood(is_out: bool = True) -> None:
             if is_out:
                 call.send(bytes(100_000), flood)
@@ -213,7 +213,7 @@ def test_a_send_that_a_vanished_caller_never_gets_ends_as_not_out(served: Served
 def test_a_defect_in_what_is_called_back_is_logged_and_the_thread_goes_on(
     served: Served, caplog: pytest.LogCaptureFixture
 ) -> None:
-    def take(call: Call) -> None:
+    def take(call: ServedCall) -> None:
         if ("fail", "1") in call.metadata:
             call.watch(lambda: None)
             raise RuntimeError("a defect")
@@ -232,7 +232,7 @@ def test_a_defect_in_what_is_called_back_is_logged_and_the_thread_goes_on(
 def test_a_path_that_is_no_text_does_not_keep_others_from_being_served(loop: Loop, transport: Choice) -> None:
     taken: list[str] = []
 
-    def take(call: Call) -> None:
+    def take(call: ServedCall) -> None:
         taken.append(call.method)
         call.finish(b"answer")
 

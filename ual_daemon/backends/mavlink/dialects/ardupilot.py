@@ -29,7 +29,7 @@ from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.external_pose import encode_vision_position_estimate
 from ual_daemon.backends.mavlink.dialects.parameter_codec import Cast
 from ual_daemon.backends.mavlink.dialects.position_target import encode_position_target
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import ExternalPose, Freshness, LandedState, PositionSetpoint, Setpoint, Snapshot
 
@@ -83,7 +83,7 @@ class ArduCopter(ardupilot.ArduCopter, Dialect):
 
     @override
     def encode_setpoint(
-        self, setpoint: Setpoint, target: Source, time_ms: int, parameters: Mapping[str, float] = NO_PARAMETERS
+        self, setpoint: Setpoint, target: MessageSource, time_ms: int, parameters: Mapping[str, float] = NO_PARAMETERS
     ) -> Message:
         if isinstance(setpoint, PositionSetpoint):
             setpoint = self.position_setpoint(setpoint, parameters)

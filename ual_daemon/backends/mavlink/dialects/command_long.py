@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import NamedTuple, TypeAlias
 
 from ual_daemon.backends.engine.command import ARMING, FLYING, Command, Repeat, shows_armed, shows_mode
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink, message_name
 
 _PARAMS_COUNT = 7
@@ -31,7 +31,7 @@ class CommandLong(NamedTuple):
     id: int
     params: tuple[float, ...] = ()
 
-    def encode(self, target: Source, confirmation: int) -> Message:
+    def encode(self, target: MessageSource, confirmation: int) -> Message:
         """Returns the message to an autopilot. `confirmation` is how often it was sent before."""
         params = (*self.params, *(0.0,) * (_PARAMS_COUNT - len(self.params)))
         return mavlink.MAVLink_command_long_message(*target, self.id, confirmation, *params)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from ual_daemon.backends.mavlink.dialects.command_long import LongCommand
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
 _GROUPS = {
@@ -35,6 +35,6 @@ def group_rates_hz(streams: Iterable[LongCommand]) -> dict[int, int]:
     return rates_hz
 
 
-def request_group(target: Source, group: int, rate_hz: int) -> Message:
+def request_group(target: MessageSource, group: int, rate_hz: int) -> Message:
     """Returns the message that requests a group of streams. It is not acknowledged."""
     return mavlink.MAVLink_request_data_stream_message(*target, group, rate_hz, 1)

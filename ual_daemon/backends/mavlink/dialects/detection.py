@@ -39,7 +39,7 @@ _NO_FIRMWARE = frozenset({mavlink.MAV_AUTOPILOT_INVALID, mavlink.MAV_AUTOPILOT_G
 """Autopilots of heartbeats that name no firmware."""
 
 
-class Kind(NamedTuple):
+class HeartbeatKind(NamedTuple):
     """Kind of a heartbeat's sender: MAV_AUTOPILOT and MAV_TYPE."""
 
     autopilot: int
@@ -66,19 +66,19 @@ class Kind(NamedTuple):
         return self.vehicle not in _NO_VEHICLES
 
 
-def kind_of(heartbeat: Message) -> Kind:
+def kind_of(heartbeat: Message) -> HeartbeatKind:
     """Returns what a heartbeat says of its sender."""
-    return Kind(heartbeat.autopilot, heartbeat.type)
+    return HeartbeatKind(heartbeat.autopilot, heartbeat.type)
 
 
-def kind_text(kind: Kind) -> str:
+def kind_text(kind: HeartbeatKind) -> str:
     """Returns a human-readable kind."""
     if not kind.is_autopilot:
         return f"a {vehicle_text(kind.vehicle)}"
     return f"{autopilot_text(kind.autopilot)} on a {vehicle_text(kind.vehicle)}"
 
 
-def dialect_of(kind: Kind, *, is_addressable: bool = True) -> Dialect:
+def dialect_of(kind: HeartbeatKind, *, is_addressable: bool = True) -> Dialect:
     """Returns the dialect of an autopilot of this kind. One that is not addressable is only listened to."""
     autopilot, vehicle = kind
     if not is_addressable:

@@ -13,7 +13,7 @@ from ual_daemon.backends.firmwares.autopilot import NO_PARAMETERS, Autopilot, ve
 from ual_daemon.backends.firmwares.px4_events import Event
 from ual_daemon.backends.mavlink.dialects.command_long import LongCommand, arm_or_disarm
 from ual_daemon.backends.mavlink.dialects.parameter_codec import ParameterCodec
-from ual_daemon.backends.mavlink.wire.frames import Frame, Source
+from ual_daemon.backends.mavlink.wire.frames import MavlinkFrame, MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import ExternalPose, Freshness, Setpoint, Snapshot
 
@@ -77,7 +77,7 @@ class Dialect(Autopilot):
         """Returns the value in a PARAM_VALUE; None for a type that the autopilot is not known to send."""
         return float(message.param_value) if message.param_type == mavlink.MAV_PARAM_TYPE_REAL32 else None
 
-    def event(self, frame: Frame, mode: str) -> Event | None:
+    def event(self, frame: MavlinkFrame, mode: str) -> Event | None:
         """Returns the content of a frame of PX4's event interface, in the mode of this name; None where this autopilot
         has no such interface.
         """
@@ -85,7 +85,7 @@ class Dialect(Autopilot):
 
     @abstractmethod
     def encode_setpoint(
-        self, setpoint: Setpoint, target: Source, time_ms: int, parameters: Mapping[str, float] = NO_PARAMETERS
+        self, setpoint: Setpoint, target: MessageSource, time_ms: int, parameters: Mapping[str, float] = NO_PARAMETERS
     ) -> Message:
         """Returns the message of a setpoint; `parameters` are those read so far.
 

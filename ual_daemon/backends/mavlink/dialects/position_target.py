@@ -9,7 +9,7 @@ from ual_daemon.backends.firmwares.numbers import (
     VELOCITY_MASK,
 )
 from ual_daemon.backends.mavlink.dialects.axes import enu_to_ned, enu_to_ned_yaw, enu_to_ned_yaw_rate
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, TargetMessage, mavlink
 from ual_daemon.backends.values import PositionSetpoint, Setpoint
 
@@ -18,7 +18,7 @@ _FRAME = mavlink.MAV_FRAME_LOCAL_NED
 
 
 def encode_position_target(
-    setpoint: Setpoint, target: Source, time_ms: int, *, with_acceleration: bool = True
+    setpoint: Setpoint, target: MessageSource, time_ms: int, *, with_acceleration: bool = True
 ) -> Message:
     """Returns the message of a setpoint.
 

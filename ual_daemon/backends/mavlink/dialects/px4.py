@@ -27,7 +27,7 @@ from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.external_pose import encode_odometry
 from ual_daemon.backends.mavlink.dialects.parameter_codec import ByteWise
 from ual_daemon.backends.mavlink.dialects.position_target import encode_position_target
-from ual_daemon.backends.mavlink.wire.frames import Frame, Source
+from ual_daemon.backends.mavlink.wire.frames import MavlinkFrame, MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import ExternalPose, Setpoint, Snapshot
 
@@ -86,14 +86,14 @@ class Px4(px4.Px4, Dialect):
         return float(value)
 
     @override
-    def event(self, frame: Frame, mode: str) -> Event:
+    def event(self, frame: MavlinkFrame, mode: str) -> Event:
         payload = frame.payload.ljust(_EVENT.size, b"\0")
         number, boot_ms, _, _, _, levels, arguments = _EVENT.unpack_from(payload)
         return px4_events.read(number, boot_ms / 1000.0, levels, arguments, mode)
 
     @override
     def encode_setpoint(
-        self, setpoint: Setpoint, target: Source, time_ms: int, parameters: Mapping[str, float] = NO_PARAMETERS
+        self, setpoint: Setpoint, target: MessageSource, time_ms: int, parameters: Mapping[str, float] = NO_PARAMETERS
     ) -> Message:
         return encode_position_target(setpoint, target, time_ms)
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from ual_daemon.backends.firmwares.feed_forward import FeedForward
 from ual_daemon.backends.firmwares.numbers import ACCELERATED_VELOCITY_MASK, VELOCITY_MASK
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, VelocityTarget
 from ual_daemon.backends.values import Setpoint, VelocitySetpoint
 
@@ -20,7 +20,7 @@ class SetpointEncoder:
     """
 
     def __init__(
-        self, dialect: Dialect, target: Source, parameters: Mapping[str, float], feed_forward: FeedForward | None
+        self, dialect: Dialect, target: MessageSource, parameters: Mapping[str, float], feed_forward: FeedForward | None
     ) -> None:
         self._dialect = dialect
         self._target = target

@@ -8,7 +8,7 @@ from typing_extensions import override
 
 from ual.errors import NotSupportedError
 from ual.types import Limits
-from ual_daemon.backends.firmwares.autopilot import NO_PARAMETERS, Board, SimulationVerdict
+from ual_daemon.backends.firmwares.autopilot import NO_PARAMETERS, AutopilotBoard, SimulationVerdict
 from ual_daemon.backends.mavlink.dialects.command_long import (
     LongCommand,
     pose_streams,
@@ -16,7 +16,7 @@ from ual_daemon.backends.mavlink.dialects.command_long import (
     slow_streams,
 )
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import Control, Mode, Setpoint, Snapshot
 from ual_daemon.geodesy import EllipsoidProjection, Projection
@@ -58,7 +58,7 @@ class Unknown(Dialect):
 
     @override
     def judge_simulation(
-        self, version: Board | None, parameters: Mapping[str, float], system_id: int
+        self, version: AutopilotBoard | None, parameters: Mapping[str, float], system_id: int
     ) -> SimulationVerdict:
         return SimulationVerdict(False, "UAL cannot recognize a simulator of this autopilot")
 
@@ -68,7 +68,7 @@ class Unknown(Dialect):
 
     @override
     def encode_setpoint(
-        self, setpoint: Setpoint, target: Source, time_ms: int, parameters: Mapping[str, float] = NO_PARAMETERS
+        self, setpoint: Setpoint, target: MessageSource, time_ms: int, parameters: Mapping[str, float] = NO_PARAMETERS
     ) -> Message:
         raise self._refusal()
 

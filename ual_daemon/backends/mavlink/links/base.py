@@ -36,30 +36,30 @@ def cannot_listen(endpoint: object, error: OSError) -> LinkError:
     )
 
 
-class Transport(Protocol):
-    """Transport of messages in both directions: a `Connection`."""
+class MessageTransport(Protocol):
+    """Transport of messages in both directions: a `LinkConnection`."""
 
     @property
     def is_stream(self) -> bool:
-        """See `Link`."""
+        """See `MavlinkLink`."""
 
     @property
     def peer(self) -> Address | None:
-        """See `Link`."""
+        """See `MavlinkLink`."""
 
     @property
     def has_room(self) -> bool:
-        """See `Link`."""
+        """See `MavlinkLink`."""
         return True
 
     def answer_to(self, address: Address | None) -> None:
-        """See `Link`."""
+        """See `MavlinkLink`."""
 
     def send(self, data: bytes, *, is_perishable: bool = False) -> bool:
-        """See `Link`."""
+        """See `MavlinkLink`."""
 
 
-class Link(ABC):
+class MavlinkLink(ABC):
     """A way to an autopilot that can be opened again after it broke. Never blocks.
 
     `send` is for any thread, everything else for the one that receives. What may raise a `LinkError` may raise an
@@ -174,7 +174,7 @@ class StreamWriter:
 
     @property
     def has_room(self) -> bool:
-        """See `Link.has_room`."""
+        """See `MavlinkLink.has_room`."""
         with self._lock:
             if self._descriptor is None or self._rest:
                 return False

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 
 from typing_extensions import override
 
-from ual_daemon.backends.mavlink.links.base import Address, Chunk, Link, LinkError, Transport
+from ual_daemon.backends.mavlink.links.base import Address, Chunk, LinkError, MavlinkLink, MessageTransport
 
 _log = logging.getLogger(__name__)
 
@@ -23,10 +23,10 @@ SILENCE_S = 5.0
 autopilot sends a heartbeat each second."""
 
 
-class Connection(Transport):
+class LinkConnection(MessageTransport):
     """A link that is opened again by itself. `send` and `wake` are for any thread, the rest for the receiving one."""
 
-    def __init__(self, link: Link, url: str) -> None:
+    def __init__(self, link: MavlinkLink, url: str) -> None:
         self._trouble = ""
         self.on_sent: Callable[[bytes], None] | None = None
         """Called with the bytes of each frame that has left, by the thread that sent it; never blocks."""
@@ -83,7 +83,7 @@ class Connection(Transport):
         return has_left
 
     def send_to(self, data: bytes, address: Address, *, is_perishable: bool = False) -> bool:
-        """Sends to one of several other ends; see `Link`."""
+        """Sends to one of several other ends; see `MavlinkLink`."""
         return self._link.send_to(data, address, is_perishable=is_perishable)
 
     def wake(self) -> None:

@@ -71,14 +71,14 @@ class SerialEndpoint:
 Endpoint = UdpEndpoint | TcpEndpoint | SerialEndpoint
 
 
-class Place(NamedTuple):
+class AutopilotAddress(NamedTuple):
     """Place of an autopilot: the link, and its system id if the URL names one."""
 
     endpoint: Endpoint
     system_id: int | None
 
 
-def parse_place(url: str) -> Place:
+def parse_place(url: str) -> AutopilotAddress:
     """Returns the place that a URL of one vehicle names.
 
     Raises:
@@ -88,7 +88,7 @@ def parse_place(url: str) -> Place:
     link, system_ids = split_url(url)
     if len(system_ids) > 1:
         raise ConfigError(f"{url!r} names {len(system_ids)} vehicles: give it as --fleet-url", KEY)
-    return Place(parse_url(link), next(iter(system_ids), None))
+    return AutopilotAddress(parse_url(link), next(iter(system_ids), None))
 
 
 def vehicle_urls(url: str) -> list[str]:

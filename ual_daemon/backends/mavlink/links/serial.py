@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from typing_extensions import override
 
-from ual_daemon.backends.mavlink.links.base import BATCH_BYTES, Address, Chunk, Link, LinkError, StreamWriter
+from ual_daemon.backends.mavlink.links.base import BATCH_BYTES, Address, Chunk, LinkError, MavlinkLink, StreamWriter
 from ual_daemon.backends.mavlink.links.endpoints import KEY, SerialEndpoint
 from ual_daemon.settings import ConfigError
 
@@ -26,7 +26,7 @@ _HINTS = {
 }
 
 
-class SerialLink(Link):
+class SerialLink(MavlinkLink):
     """A serial line. pyserial sets it up and locks it; its data are read and written as those of any descriptor."""
 
     def __init__(self, endpoint: SerialEndpoint) -> None:

@@ -18,8 +18,8 @@ from ual_daemon.backends.mavlink.links.base import (
     BATCH_BYTES,
     Address,
     Chunk,
-    Link,
     LinkError,
+    MavlinkLink,
     StreamWriter,
     cannot_listen,
 )
@@ -35,7 +35,7 @@ HANDOVER_S = 1.5
 """A connection that is silent for this long is replaced by a new one: an autopilot sends a heartbeat each second."""
 
 
-class TcpClientLink(Link):
+class TcpClientLink(MavlinkLink):
     """A connection that we open."""
 
     needs_traffic = True
@@ -129,7 +129,7 @@ class TcpClientLink(Link):
         return LinkError(f"cannot connect to {self._endpoint}: {why}; trying again")
 
 
-class TcpServerLink(Link):
+class TcpServerLink(MavlinkLink):
     """A port at which one other end at a time can connect to us.
 
     Others are refused, unless the present connection has fallen silent. When an autopilot comes back after its cable

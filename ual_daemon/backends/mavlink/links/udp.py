@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from typing_extensions import override
 
 from ual_daemon.backends.hosts import Host
-from ual_daemon.backends.mavlink.links.base import BATCH_BYTES, Address, Chunk, Link, LinkError, cannot_listen
+from ual_daemon.backends.mavlink.links.base import BATCH_BYTES, Address, Chunk, LinkError, MavlinkLink, cannot_listen
 from ual_daemon.backends.mavlink.links.endpoints import UdpEndpoint
 
 _log = logging.getLogger(__name__)
@@ -23,7 +23,7 @@ _BATCH = 64
 _RECEIVE_BUFFER = 1 << 20
 
 
-class UdpLink(Link):
+class UdpLink(MavlinkLink):
     """A UDP socket. Nothing that happens at the other end breaks it."""
 
     is_stream = False

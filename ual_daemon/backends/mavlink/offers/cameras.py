@@ -16,8 +16,8 @@ from ual_daemon.backends.chain import then
 from ual_daemon.backends.engine.command import ONCE
 from ual_daemon.backends.firmwares.trigger_camera import TRIGGER_DISTANCE
 from ual_daemon.backends.mavlink.dialects.command_long import LongCommand, command_of
-from ual_daemon.backends.mavlink.offers.http_pictures import HttpPictures, Picture
-from ual_daemon.backends.mavlink.offers.reach import Reach
+from ual_daemon.backends.mavlink.offers.http_pictures import FetchedPicture, HttpPictures
+from ual_daemon.backends.mavlink.offers.reach import ProtocolAccess
 from ual_daemon.backends.mavlink.protocols.camera_link import CameraLink
 from ual_daemon.backends.mavlink.protocols.camera_values import MODE_NUMBERS
 from ual_daemon.backends.mavlink.wire.messages import mavlink
@@ -43,7 +43,7 @@ class MavlinkCamera(OfferedCamera):
         self,
         link: CameraLink,
         now_s: Callable[[], float],
-        reach: Reach,
+        reach: ProtocolAccess,
         pictures: HttpPictures,
     ) -> None:
         self._link = link
@@ -141,7 +141,7 @@ class MavlinkCamera(OfferedCamera):
         return self._reach.give(what, lambda _, future: begin(future))
 
 
-def _encoded(found: Picture, taken: TakenPhoto, intrinsics: CameraIntrinsics | None) -> EncodedImage:
+def _encoded(found: FetchedPicture, taken: TakenPhoto, intrinsics: CameraIntrinsics | None) -> EncodedImage:
     known = intrinsics if intrinsics is not None and _is_for(intrinsics, found) else None
     return EncodedImage(*found, taken.stamp_s, known, taken.viewpoint)
 
@@ -154,7 +154,7 @@ def trigger_order(what: str, command_id: int, params: tuple[float, ...]) -> Long
     return replace(command, repeat=ONCE)
 
 
-def _is_for(intrinsics: CameraIntrinsics, found: Picture) -> bool:
+def _is_for(intrinsics: CameraIntrinsics, found: FetchedPicture) -> bool:
     return (intrinsics.width_px, intrinsics.height_px) == (found.width_px, found.height_px)
 
 
@@ -165,7 +165,7 @@ class MavlinkCameras(OfferedCameras):
         self,
         found: Callable[[], Sequence[CameraLink]],
         now_s: Callable[[], float],
-        reach: Reach,
+        reach: ProtocolAccess,
         pictures: HttpPictures,
         trigger: OfferedCamera | None = None,
     ) -> None:

@@ -8,7 +8,7 @@ from typing_extensions import override
 
 from ual.errors import UalError
 from ual_daemon.backends.mavlink.session.discovery import Discovery
-from ual_daemon.backends.mavlink.session.session import Session
+from ual_daemon.backends.mavlink.session.session import MavlinkSession
 from ual_daemon.backends.offers.corrections import AutopilotCorrections, Injected
 
 
@@ -25,7 +25,7 @@ class MavlinkCorrections(AutopilotCorrections):
 
     def __init__(
         self,
-        reach: Callable[[str], Session | UalError],
+        reach: Callable[[str], MavlinkSession | UalError],
         post: Callable[[Callable[[Discovery], None]], None],
         discovery: Callable[[], Discovery | None],
         clock: Callable[[], float],

@@ -10,7 +10,7 @@ from typing_extensions import override
 from ual.errors import UalError
 from ual.geometry import Vector3
 from ual.gimbals import GimbalAngles, GimbalControl, GimbalInfo, GimbalReference
-from ual_daemon.backends.mavlink.offers.reach import Reach
+from ual_daemon.backends.mavlink.offers.reach import ProtocolAccess
 from ual_daemon.backends.mavlink.protocols.gimbal_link import GimbalLink
 from ual_daemon.backends.offers.gimbals import GimbalAttitude, OfferedGimbal, OfferedGimbals
 
@@ -25,7 +25,7 @@ class MavlinkGimbal(OfferedGimbal):
 
     """
 
-    def __init__(self, link: GimbalLink, now_s: Callable[[], float], reach: Reach) -> None:
+    def __init__(self, link: GimbalLink, now_s: Callable[[], float], reach: ProtocolAccess) -> None:
         self._link = link
         self._now_s = now_s
         self._reach = reach
@@ -88,7 +88,9 @@ class MavlinkGimbal(OfferedGimbal):
 class MavlinkGimbals(OfferedGimbals):
     """The gimbals of one backend; see `MavlinkGimbal`. `found` returns those that were found."""
 
-    def __init__(self, found: Callable[[], Sequence[GimbalLink]], now_s: Callable[[], float], reach: Reach) -> None:
+    def __init__(
+        self, found: Callable[[], Sequence[GimbalLink]], now_s: Callable[[], float], reach: ProtocolAccess
+    ) -> None:
         self._found = found
         self._now_s = now_s
         self._reach = reach

@@ -33,7 +33,7 @@ _FRAMES = set(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
 """Markers of a JPEG that give its size (ITU-T T.81, table B.1)."""
 
 
-class Picture(NamedTuple):
+class FetchedPicture(NamedTuple):
     """A picture as it was fetched."""
 
     data: bytes
@@ -93,7 +93,7 @@ class HttpPictures:
         """Whether any may be asked."""
         return bool(self._allowed)
 
-    def fetch(self, url: str) -> Future[Picture]:
+    def fetch(self, url: str) -> Future[FetchedPicture]:
         """Returns the future of a picture. It ends within `TIMEOUT_S`, also where others wait before it."""
         refusal, end_s = self._refusal(url), time.monotonic() + TIMEOUT_S
         if refusal is None:
@@ -121,7 +121,7 @@ class HttpPictures:
         text = f"the picture is at {url[:200]!r}: add {host!r} to mavlink.picture_hosts, if it is the camera's"
         return NotSupportedError(text, {"host": host})
 
-    def _fetched(self, url: str, end_s: float) -> Picture:
+    def _fetched(self, url: str, end_s: float) -> FetchedPicture:
         from http.client import HTTPException  # late: only those wait for it who want pictures
 
         exchange = _Exchange(url, end_s)
@@ -218,14 +218,16 @@ def _closed() -> UalError:
     return UalError("this UAV is closed")
 
 
-def _picture(data: bytes, url: str) -> Picture:
+def _picture(data: bytes, url: str) -> FetchedPicture:
     """Reads what a picture says of itself."""
     if data.startswith(_PNG) and len(data) >= 24:
-        return Picture(data, ImageFormat.PNG, int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big"))
+        return FetchedPicture(
+            data, ImageFormat.PNG, int.from_bytes(data[16:20], "big"), int.from_bytes(data[20:24], "big")
+        )
     size = _size_of_jpeg(data) if data.startswith(_JPEG) else None
     if size is None:
         raise NotSupportedError(f"{url}: what the camera's server gave is no PNG and no JPEG")
-    return Picture(data, ImageFormat.JPEG, *size)
+    return FetchedPicture(data, ImageFormat.JPEG, *size)
 
 
 def _size_of_jpeg(data: bytes) -> tuple[int, int] | None:

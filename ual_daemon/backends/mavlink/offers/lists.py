@@ -14,7 +14,7 @@ from ual_daemon.backends.firmwares.listed_fence import KnownAutopilot, ListedFen
 from ual_daemon.backends.firmwares.listed_missions import HeardMission, ListedMissions, MissionAccess
 from ual_daemon.backends.firmwares.mission_items import Difference, MissionItem, MissionList, MissionType
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
-from ual_daemon.backends.mavlink.offers.reach import Reach
+from ual_daemon.backends.mavlink.offers.reach import ProtocolAccess
 from ual_daemon.backends.mavlink.protocols.protocols import Protocols
 from ual_daemon.backends.offers.parameters import AutopilotParameters, Refusal
 
@@ -24,7 +24,7 @@ _STAGES = {each.value: each for each in MissionStage}
 class MavlinkLists(ItemLists):
     """The lists of one backend."""
 
-    def __init__(self, reach: Reach) -> None:
+    def __init__(self, reach: ProtocolAccess) -> None:
         self._reach = reach
 
     @override
@@ -44,7 +44,7 @@ class MavlinkLists(ItemLists):
         return self._reach.give(f"change its {kind.text}", begin)
 
 
-def fence_of(reach: Reach, lists: ItemLists) -> ListedFence:
+def fence_of(reach: ProtocolAccess, lists: ItemLists) -> ListedFence:
     """Returns what is offered of the fence."""
 
     def known() -> KnownAutopilot | None:
@@ -55,7 +55,7 @@ def fence_of(reach: Reach, lists: ItemLists) -> ListedFence:
 
 
 def missions_of(
-    reach: Reach,
+    reach: ProtocolAccess,
     lists: ItemLists,
     parameters: AutopilotParameters,
     fly: Callable[[], Future[None]],

@@ -17,8 +17,8 @@ from ual.errors import InvalidArgumentError, UalError
 from ual.logs.values import Log
 from ual_daemon.backends import futures
 from ual_daemon.backends.mavlink.offers.files import has_files
-from ual_daemon.backends.mavlink.offers.reach import Reach
-from ual_daemon.backends.mavlink.protocols.ftp import Entry, Ftp, Steps
+from ual_daemon.backends.mavlink.offers.reach import ProtocolAccess
+from ual_daemon.backends.mavlink.protocols.ftp import DirectoryEntry, Ftp, Steps
 from ual_daemon.backends.mavlink.protocols.ftp_packet import FtpNakError, Nak
 from ual_daemon.backends.mavlink.protocols.log_transfers import LogEntry
 from ual_daemon.backends.mavlink.protocols.protocols import Protocols
@@ -46,7 +46,7 @@ class MavlinkLogs(AutopilotLogs):
 
     """
 
-    def __init__(self, reach: Reach) -> None:
+    def __init__(self, reach: ProtocolAccess) -> None:
         self._reach = reach
         self._paths: dict[str, str] = {}
         """Of the last list by MAVFTP: the path of each log."""
@@ -98,7 +98,7 @@ class MavlinkLogs(AutopilotLogs):
         self._paths = {}
         return []
 
-    def _logs_in(self, files: Ftp, directory: str, entries: list[Entry]) -> Steps[list[Log]]:
+    def _logs_in(self, files: Ftp, directory: str, entries: list[DirectoryEntry]) -> Steps[list[Log]]:
         logs = [_log(each.name, each.size) for each in entries if each.size is not None and _is_log(each.name)]
         for each in sorted(entries):
             if each.size is None:

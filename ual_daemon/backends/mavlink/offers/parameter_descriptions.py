@@ -14,9 +14,9 @@ from ual.parameters.values import Description
 from ual_daemon import logs
 from ual_daemon.backends.mavlink.dialects import parameter_files
 from ual_daemon.backends.mavlink.offers.files import has_files
-from ual_daemon.backends.mavlink.protocols.component_metadata import Place
+from ual_daemon.backends.mavlink.protocols.component_metadata import MetadataFile
 from ual_daemon.backends.mavlink.session.discovery import Discovery
-from ual_daemon.backends.mavlink.session.session import Session
+from ual_daemon.backends.mavlink.session.session import MavlinkSession
 
 Descriptions = Mapping[str, Description]
 
@@ -37,7 +37,7 @@ class ParameterDescriptions:
         post: Has something done on the thread that receives.
     """
 
-    def __init__(self, session: Session, post: Callable[[Callable[[Discovery], None]], None]) -> None:
+    def __init__(self, session: MavlinkSession, post: Callable[[Callable[[Discovery], None]], None]) -> None:
         self.session = session
         self.is_cut_off = False
         """Whether the link was lost meanwhile, so that they may be read again."""
@@ -73,7 +73,7 @@ class ParameterDescriptions:
             self._loaded.set_result(found)
 
     def _read(self) -> Descriptions:
-        place: Future[Place] = Future()
+        place: Future[MetadataFile] = Future()
         self._post(lambda discovery: discovery.protocols.component_metadata.request(place))
         uri, crc = place.result(READ_S)
         where = parameter_files.parameters_uri(self._content(uri, crc, MOST_GENERAL))

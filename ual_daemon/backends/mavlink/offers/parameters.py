@@ -16,7 +16,7 @@ from ual_daemon.backends import futures
 from ual_daemon.backends.mavlink.dialects.parameter_files import packed_list
 from ual_daemon.backends.mavlink.offers.files import has_files
 from ual_daemon.backends.mavlink.offers.parameter_descriptions import ParameterDescriptions
-from ual_daemon.backends.mavlink.offers.reach import Reach
+from ual_daemon.backends.mavlink.offers.reach import ProtocolAccess
 from ual_daemon.backends.mavlink.protocols.parameter_transfers import ParameterTransfers
 from ual_daemon.backends.mavlink.protocols.protocols import Protocols
 from ual_daemon.backends.offers.parameters import AutopilotParameters, Refusal
@@ -32,7 +32,7 @@ _log = logging.getLogger(__name__)
 class MavlinkParameters(AutopilotParameters):
     """The parameters of one backend. `reach` is the way to the thread that receives."""
 
-    def __init__(self, reach: Reach) -> None:
+    def __init__(self, reach: ProtocolAccess) -> None:
         self._reach = reach
         self._lock = threading.Lock()
         self._descriptions: ParameterDescriptions | None = None

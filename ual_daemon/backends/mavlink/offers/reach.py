@@ -12,7 +12,7 @@ from ual_daemon.backends.mavlink.dialects.command_long import LongCommand
 from ual_daemon.backends.mavlink.protocols.protocols import Protocols
 from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
-from ual_daemon.backends.mavlink.session.session import Session
+from ual_daemon.backends.mavlink.session.session import MavlinkSession
 
 T = TypeVar("T")
 
@@ -35,12 +35,12 @@ class Orders(NamedTuple):
 
     """
 
-    reach: Reach
+    reach: ProtocolAccess
     give: Callable[[str, LongCommand], Future[None]]
     messages: PayloadMessages
 
 
-class Reach(NamedTuple):
+class ProtocolAccess(NamedTuple):
     """The way from any thread to the protocols.
 
     Attributes:
@@ -51,8 +51,8 @@ class Reach(NamedTuple):
 
     """
 
-    session: Callable[[], Session | None]
-    session_in_reach: Callable[[str], Session | UalError]
+    session: Callable[[], MavlinkSession | None]
+    session_in_reach: Callable[[str], MavlinkSession | UalError]
     post: Callable[[Callable[[Discovery], None]], None]
     give_it: Give
 

@@ -80,7 +80,7 @@ class CameraExchange(Exchange[T]):
         """Takes a picture that is new."""
 
 
-class Order(CameraExchange[None]):
+class CameraOrder(CameraExchange[None]):
     """Has the camera do something, and ends once it has said that it does, or has done so."""
 
     def __init__(self, future: Future[None], line: CameraLine, command_id: int, params: Sequence[float]) -> None:
@@ -146,7 +146,9 @@ class Shooting(CameraExchange[TakenPhoto]):
     ) -> None:
         super().__init__(future, line)
         self._ordering: Future[None] = Future()
-        self._order = Order(self._ordering, line, mavlink.MAV_CMD_IMAGE_START_CAPTURE, (0.0, 0.0, 1.0, float(sequence)))
+        self._order = CameraOrder(
+            self._ordering, line, mavlink.MAV_CMD_IMAGE_START_CAPTURE, (0.0, 0.0, 1.0, float(sequence))
+        )
         self._ask = ask
         self._asks_count = 0
         self._ask_s = 0.0
@@ -197,7 +199,7 @@ class Shooting(CameraExchange[TakenPhoto]):
         self._until_s, self._ask_s = now_s + BUSY_S, now_s + ASK_S
 
 
-class Asking(CameraExchange[None]):
+class MessageRequests(CameraExchange[None]):
     """Requests messages, one after the other. What the camera refuses is left out; so is what is `optional`."""
 
     def __init__(
@@ -251,7 +253,7 @@ class Asking(CameraExchange[None]):
         self.tick(now_s)
 
 
-class Streams(CameraExchange[list[VideoStream]]):
+class StreamListing(CameraExchange[list[VideoStream]]):
     """Lists the video streams: all at once, and then those that are missing."""
 
     def __init__(self, future: Future[list[VideoStream]], line: CameraLine) -> None:

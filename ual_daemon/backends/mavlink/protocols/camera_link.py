@@ -19,17 +19,17 @@ from ual_daemon.backends.engine.distance_trigger import DistanceTrigger
 from ual_daemon.backends.engine.photo_log import PhotoLog
 from ual_daemon.backends.mavlink.protocols import camera_values
 from ual_daemon.backends.mavlink.protocols.camera_exchanges import (
-    Asking,
     CameraExchange,
     CameraLine,
-    Order,
+    CameraOrder,
+    MessageRequests,
     Shooting,
-    Streams,
+    StreamListing,
     refused,
 )
 from ual_daemon.backends.mavlink.protocols.camera_photos import ReportedPhotos
-from ual_daemon.backends.mavlink.protocols.camera_values import Identity
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.protocols.camera_values import CameraIdentity
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.offers.cameras import TakenPhoto, Viewpoint
 
@@ -59,7 +59,7 @@ Carried = Callable[[int, Pose | None], Pose | None]
 """Returns where the gimbal of a device id is in the body of this pose, and where it looks. None: that is not known."""
 
 
-class _Shot(NamedTuple):
+class _DistanceShot(NamedTuple):
     """A picture by distance that is ordered, and not acknowledged."""
 
     sequence: int
@@ -71,13 +71,13 @@ class CameraLink:
     """Belongs to the thread that receives; `info`, `photos`, `heard_s` and `number` are for any thread.
 
     One exchange runs at a time, in the order in which they were asked for. `look` returns from where a picture is taken
-    now, and `send` sends a message. `carried` returns how what is on a gimbal is mounted now; see `Cameras`.
+    now, and `send` sends a message. `carried` returns how what is on a gimbal is mounted now; see `CameraProtocol`.
     """
 
     def __init__(
         self,
         number: int,
-        source: Source,
+        source: MessageSource,
         send: Callable[[Message], object],
         look: Callable[[], Viewpoint],
         carried: Carried = lambda _device_id, _body: None,
@@ -86,7 +86,7 @@ class CameraLink:
         self.number = number
         self.photos: PhotoLog[TakenPhoto] = PhotoLog()
         self.heard_s = -math.inf
-        self._identities: Agreement[Identity] | None = None
+        self._identities: Agreement[CameraIdentity] | None = None
         self._may_be_flying = may_be_flying
         self._source = source
         self._send = send
@@ -108,13 +108,13 @@ class CameraLink:
         self._storage_note = ""
         self._battery_id: int | None = None
         self._distance: tuple[float, DistanceTrigger] | None = None
-        self._shot: _Shot | None = None
+        self._shot: _DistanceShot | None = None
         self._missed_count = 0
 
     # --- What is known ------------------------------------------------------------------------------------------------
 
     @property
-    def identity(self) -> Identity | None:
+    def identity(self) -> CameraIdentity | None:
         """Identity of the camera; None while that is not known."""
         return None if self._identities is None else self._identities.value
 
@@ -144,7 +144,7 @@ class CameraLink:
 
     def order(self, command_id: int, params: Sequence[float], future: Future[None]) -> None:
         """Has the camera do something."""
-        self._add(Order(future, self._line, command_id, params))
+        self._add(CameraOrder(future, self._line, command_id, params))
 
     def shoot(self, future: Future[TakenPhoto]) -> None:
         """Takes a picture."""
@@ -187,11 +187,11 @@ class CameraLink:
                 future.set_result(self.status())
 
         asked.add_done_callback(answer)
-        self._add(Asking(asked, self._line, (_CAPTURE, _STORAGE, _SETTINGS), frozenset({_STORAGE, _SETTINGS})))
+        self._add(MessageRequests(asked, self._line, (_CAPTURE, _STORAGE, _SETTINGS), frozenset({_STORAGE, _SETTINGS})))
 
     def list_streams(self, future: Future[list[VideoStream]]) -> None:
         """Lists its video streams."""
-        self._add(Streams(future, self._line))
+        self._add(StreamListing(future, self._line))
 
     def drop(self, error: UalError) -> None:
         """Ends what is under way, and what waits."""
@@ -271,7 +271,7 @@ class CameraLink:
     def _next_exchange(self, now_s: float) -> None:
         running = self._running
         if running is not None and running.is_over:
-            if isinstance(running, Order | Shooting) and running.was_repeated:
+            if isinstance(running, CameraOrder | Shooting) and running.was_repeated:
                 self._quiet_until_s[_command_of(running)] = now_s + QUIET_S
             self._running = running = None
         while running is None and self._waiting:
@@ -291,7 +291,7 @@ class CameraLink:
         self._next_identity_s = now_s + (IDENTITY_S if self._identity_count < SOON_COUNT else LATER_IDENTITY_S)
         self._line.request(mavlink.MAVLINK_MSG_ID_CAMERA_INFORMATION, is_older=self._identity_count % 2 == 0)
 
-    def _on_identity(self, identity: Identity, now_s: float) -> None:
+    def _on_identity(self, identity: CameraIdentity, now_s: float) -> None:
         """Takes what it says that it is: the first at once, another one once several answers agree."""
         is_first = self._identities is None
         self._identities = self._identities or Agreement(identity)
@@ -379,7 +379,7 @@ class CameraLink:
 
     def _send_shot(self, sequence: int, sent_count: int, now_s: float) -> None:
         self._command(_SHOOT, (0.0, 0.0, 1.0, float(sequence)), sent_count)
-        self._shot = _Shot(sequence, sent_count + 1, now_s + SHOT_RETRY_S)
+        self._shot = _DistanceShot(sequence, sent_count + 1, now_s + SHOT_RETRY_S)
 
     def _miss_shot(self, why: str) -> None:
         if self._shot is not None:
@@ -398,7 +398,7 @@ _BY_TIME = (2, 3)
 
 def _command_of(exchange: CameraExchange[Any]) -> int:
     """Returns the command whose answers an exchange takes."""
-    if isinstance(exchange, Order):
+    if isinstance(exchange, CameraOrder):
         return exchange.command_id
     request: int = _SHOOT if isinstance(exchange, Shooting) else mavlink.MAV_CMD_REQUEST_MESSAGE
     return request

@@ -9,7 +9,7 @@ from ual_daemon.backends.mavlink.protocols.protocol import Handler
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
 
-class CameraTrigger(TriggeredPhotos):
+class AutopilotCameraTrigger(TriggeredPhotos):
     """ArduPilot reports each picture by a CAMERA_FEEDBACK, PX4 by a CAMERA_TRIGGER. Only the kind that came first
     counts, so that no picture counts twice.
     """

@@ -39,7 +39,7 @@ LEAST_FREE_MIB = 1.0
 """A storage with less room is full."""
 
 
-class Identity(NamedTuple):
+class CameraIdentity(NamedTuple):
     """Content of a CAMERA_INFORMATION. It is on the gimbal of this id; 0: on none."""
 
     name: str
@@ -51,14 +51,14 @@ class Identity(NamedTuple):
     gimbal_device_id: int = 0
 
 
-def identity_of(message: Message) -> Identity:
+def identity_of(message: Message) -> CameraIdentity:
     """Reads a CAMERA_INFORMATION."""
     name = " ".join(filter(None, map(_text, (message.vendor_name, message.model_name))))
     abilities = frozenset(ability for flag, ability in _ABILITIES.items() if message.flags & flag)
     version = message.firmware_version
     parts = [version >> shift & 0xFF for shift in (0, 8, 16, 24)]
     size = (message.resolution_h, message.resolution_v)
-    return Identity(
+    return CameraIdentity(
         name or "camera",
         ".".join(map(str, parts)) if version else "",
         abilities,

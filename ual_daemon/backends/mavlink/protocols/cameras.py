@@ -15,9 +15,9 @@ from ual_daemon.backends.engine.agreement import Agreement
 from ual_daemon.backends.mavlink.dialects.command_long import request_message
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.protocols.camera_link import CameraLink, Carried
-from ual_daemon.backends.mavlink.protocols.camera_trigger import CameraTrigger
+from ual_daemon.backends.mavlink.protocols.camera_trigger import AutopilotCameraTrigger
 from ual_daemon.backends.mavlink.protocols.protocol import Handler, Protocol
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.offers.cameras import Viewpoint
 
@@ -41,7 +41,7 @@ MESSAGE_IDS = frozenset(
 """Messages of cameras that are taken; everything else is not even decoded."""
 
 
-class Cameras(Protocol):
+class CameraProtocol(Protocol):
     """Belongs to the thread that receives; `found` is for any thread. `send` sends a message.
 
     `may_be_flying` is whether the vehicle may be in flight: none is taken for another one then.
@@ -51,7 +51,7 @@ class Cameras(Protocol):
 
     def __init__(self, send: Callable[[Message], object], may_be_flying: Callable[[], bool] = lambda: False) -> None:
         self.found: tuple[CameraLink, ...] = ()
-        self.trigger = CameraTrigger()
+        self.trigger = AutopilotCameraTrigger()
         """Trigger of the autopilot itself."""
         self.first_number = 0
         """The number of the camera that is found first. Set by the backend."""
@@ -63,7 +63,7 @@ class Cameras(Protocol):
         self._may_be_flying = may_be_flying
         self._doubted: dict[int, Agreement[bool]] = {}
         """The components that have said once that they are cameras."""
-        self._target: Source | None = None
+        self._target: MessageSource | None = None
         self._by_component: dict[int, CameraLink] = {}
 
     @property
@@ -72,7 +72,7 @@ class Cameras(Protocol):
         return self.trigger.handlers
 
     @override
-    def attach(self, target: Source, dialect: Dialect) -> None:
+    def attach(self, target: MessageSource, dialect: Dialect) -> None:
         if self._target is not None and self._target.system_id != target.system_id:
             self.drop("another autopilot was found")
             self._by_component.clear()
@@ -91,7 +91,7 @@ class Cameras(Protocol):
             each.tick(now_s)
         self.trigger.tick(now_s)
 
-    def on_component(self, source: Source, message: Message, now_s: float, utc_now_s: float) -> None:
+    def on_component(self, source: MessageSource, message: Message, now_s: float, utc_now_s: float) -> None:
         """Takes a message of a component of the vehicle that has a camera's id."""
         camera = self._by_component.get(source.component_id)
         message_id = message.get_msgId()
@@ -104,7 +104,7 @@ class Cameras(Protocol):
         elif camera is not None and message_id != mavlink.MAVLINK_MSG_ID_HEARTBEAT:
             camera.on_message(message, now_s, utc_now_s)
 
-    def _is_sure(self, source: Source, now_s: float) -> bool:
+    def _is_sure(self, source: MessageSource, now_s: float) -> bool:
         """Returns whether a component has said twice that it is a camera: it keeps its number for good. Else it is
         asked.
         """
@@ -115,7 +115,7 @@ class Cameras(Protocol):
         self._send(request_message(mavlink.MAVLINK_MSG_ID_CAMERA_INFORMATION).request.encode(source, 0))
         return False
 
-    def _add(self, source: Source) -> CameraLink:
+    def _add(self, source: MessageSource) -> CameraLink:
         camera = CameraLink(
             self.first_number + len(self.found), source, self._send, self.look, self.carried, self._may_be_flying
         )

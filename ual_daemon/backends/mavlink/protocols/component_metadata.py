@@ -17,7 +17,7 @@ from ual_daemon.backends.mavlink.dialects.command_long import request_message
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.protocols.exchange import Exchange
 from ual_daemon.backends.mavlink.protocols.protocol import Handler, Protocol
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message
 from ual_daemon.backends.mavlink.wire.newer_messages import COMPONENT_METADATA_ID
 
@@ -26,15 +26,15 @@ TRIES_COUNT = 6
 _ID = COMPONENT_METADATA_ID
 
 
-class Place(NamedTuple):
+class MetadataFile(NamedTuple):
     """Location of the general file, and its checksum."""
 
     uri: str
     crc: int
 
 
-class _Request(Exchange[Place]):
-    def __init__(self, future: Future[Place], send: Callable[[], object]) -> None:
+class _Request(Exchange[MetadataFile]):
+    def __init__(self, future: Future[MetadataFile], send: Callable[[], object]) -> None:
         super().__init__(future)
         self._send = send
         self._tries_count = 0
@@ -51,7 +51,7 @@ class _Request(Exchange[Place]):
         self._next_s = now_s + RETRY_S
         self._send()
 
-    def on_place(self, place: Place) -> None:
+    def on_place(self, place: MetadataFile) -> None:
         """Takes the answer."""
         self._end(place)
 
@@ -61,7 +61,7 @@ class ComponentMetadata(Protocol):
 
     def __init__(self, send: Callable[[Message], object]) -> None:
         self._send = send
-        self._target: Source | None = None
+        self._target: MessageSource | None = None
         self._running: list[_Request] = []
 
     @property
@@ -70,7 +70,7 @@ class ComponentMetadata(Protocol):
         return {_ID: lambda message, _: self.on_message(message)}
 
     @override
-    def attach(self, target: Source, dialect: Dialect) -> None:
+    def attach(self, target: MessageSource, dialect: Dialect) -> None:
         self.drop("another autopilot was found")
         self._target = target
 
@@ -86,7 +86,7 @@ class ComponentMetadata(Protocol):
         for each in self._running:
             each.tick(now_s)
 
-    def request(self, future: Future[Place]) -> None:
+    def request(self, future: Future[MetadataFile]) -> None:
         """Asks where it is."""
         target = self._target
         if target is None:
@@ -98,4 +98,4 @@ class ComponentMetadata(Protocol):
     def on_message(self, message: Message) -> None:
         """Takes a COMPONENT_METADATA."""
         for each in self._running:
-            each.on_place(Place(message.uri, message.file_crc))
+            each.on_place(MetadataFile(message.uri, message.file_crc))

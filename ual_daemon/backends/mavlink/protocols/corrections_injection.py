@@ -17,7 +17,7 @@ from ual_daemon.backends.firmwares.baseline import Baseline
 from ual_daemon.backends.mavlink.dialects.command_long import set_message_interval
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.protocols.protocol import Handler, Protocol
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.offers.corrections import Injected, WaitingCorrections
 
@@ -62,7 +62,7 @@ class CorrectionsInjection(Protocol):
         """Pieces of `_message` that have not left, with their flags; the next one last."""
         self._sequence = 0
         self._next_s = -math.inf
-        self._target: Source | None = None
+        self._target: MessageSource | None = None
         self._tells_baseline = False
         self._next_ask_s = -math.inf
         self._baseline = Baseline()
@@ -78,7 +78,7 @@ class CorrectionsInjection(Protocol):
         return dict.fromkeys(_BASELINES, self.on_baseline)
 
     @override
-    def attach(self, target: Source, dialect: Dialect) -> None:
+    def attach(self, target: MessageSource, dialect: Dialect) -> None:
         self._target, self._tells_baseline = target, dialect.tells_baseline
         self.drop("another autopilot was found")
 

@@ -19,13 +19,13 @@ from ual_daemon.backends import futures
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.protocols.exchange import Exchange
 from ual_daemon.backends.mavlink.protocols.ftp_packet import FtpNakError, FtpPacket, Nak, Opcode, decode
-from ual_daemon.backends.mavlink.protocols.ftp_steps import Asking, FtpLink, OpenFile, Pause, Reading, Step
+from ual_daemon.backends.mavlink.protocols.ftp_steps import FtpLink, FtpPause, FtpReading, FtpRequest, FtpStep, OpenFile
 from ual_daemon.backends.mavlink.protocols.protocol import Handler, Protocol
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
 T = TypeVar("T")
-Steps = Generator[Step[Any], Any, T]
+Steps = Generator[FtpStep[Any], Any, T]
 """An exchange about files, step by step; each `yield` returns the result of the step, or raises its error."""
 
 FASTER_S = 2.0
@@ -54,7 +54,7 @@ _BUSY = {Nak.FAIL, Nak.NO_SESSIONS_AVAILABLE, Nak.INVALID_SESSION}
 _CLOSED = {Nak.INVALID_SESSION, Nak.FILE_NOT_FOUND}
 
 
-class Entry(NamedTuple):
+class DirectoryEntry(NamedTuple):
     """Entry of a directory. `size` is None for a directory."""
 
     name: str
@@ -71,7 +71,7 @@ class _Dialogue(Exchange[T]):
         self._link = link
         self._steps = steps
         self._explain = explain
-        self._step: Step[Any] | None = None
+        self._step: FtpStep[Any] | None = None
 
     @override
     def tick(self, now_s: float) -> None:
@@ -90,14 +90,14 @@ class _Dialogue(Exchange[T]):
         if self._step is not None:
             self._step.on_packet(packet, now_s)
 
-    def _after(self, step: Step[Any]) -> None:
+    def _after(self, step: FtpStep[Any]) -> None:
         if step.error is None:
             self._go_on(lambda: self._steps.send(step.result))
         else:
             error = step.error
             self._go_on(lambda: self._steps.throw(error))
 
-    def _go_on(self, resume: Callable[[], Step[Any]]) -> None:
+    def _go_on(self, resume: Callable[[], FtpStep[Any]]) -> None:
         try:
             self._step = resume()
         except StopIteration as ended:
@@ -182,7 +182,7 @@ class Ftp(Protocol):
         return self._running is not None
 
     @override
-    def attach(self, target: Source, dialect: Dialect) -> None:
+    def attach(self, target: MessageSource, dialect: Dialect) -> None:
         self.drop("another autopilot was found")
         self._streams.factor = dialect.rates_beside_files
         self._link = FtpLink(
@@ -238,9 +238,9 @@ class Ftp(Protocol):
 
     # --- What an exchange may have of steps ---------------------------------------------------------------------------
 
-    def list_directory(self, path: str) -> Steps[list[Entry]]:
+    def list_directory(self, path: str) -> Steps[list[DirectoryEntry]]:
         """Lists what is in a directory. Ends with an `FtpNakError` where there is none."""
-        found: list[Entry] = []
+        found: list[DirectoryEntry] = []
         place = 0
         while True:
             try:
@@ -260,7 +260,7 @@ class Ftp(Protocol):
         for count in range(REOPENED_COUNT):
             file = yield from self._opened(path)
             try:
-                data: bytes = yield Reading(file, offset, size)
+                data: bytes = yield FtpReading(file, offset, size)
             except FtpNakError as error:
                 self._file = None
                 if error.code not in _CLOSED or count == REOPENED_COUNT - 1:
@@ -287,7 +287,7 @@ class Ftp(Protocol):
         file, self._file = self._file, None
         if file is not None:
             try:
-                yield Asking(file.path, Opcode.TERMINATE_SESSION, file.session)
+                yield FtpRequest(file.path, Opcode.TERMINATE_SESSION, file.session)
             except FtpNakError:
                 return
 
@@ -312,24 +312,28 @@ def _asked(path: str, opcode: Opcode, offset: int, data: bytes, session: int = 0
     """Asks until no other file is open, for as long as one that was left open may be."""
     for pause_s in (*BUSY_S, None):
         try:
-            answer: FtpPacket = yield Asking(path, opcode, session, offset, data)
+            answer: FtpPacket = yield FtpRequest(path, opcode, session, offset, data)
         except FtpNakError as error:
             if error.code not in _BUSY or pause_s is None:
                 raise
-            yield Pause(pause_s)
+            yield FtpPause(pause_s)
         else:
             return answer
     raise AssertionError  # the last try returns or raises
 
 
-def _entry(text: bytes) -> Entry | None:
+def _entry(text: bytes) -> DirectoryEntry | None:
     """Reads an entry of a directory; None for one that is skipped, or has a name that no file should have."""
     kind, (name, _, size) = text[:1], text[1:].partition(b"\t")
     if not name.isascii() or not name.decode().isprintable() or b"/" in name or name in {b".", b"..", b""}:
         return None
     if kind == b"D":
-        return Entry(name.decode(), None)
-    return Entry(name.decode(), int(size)) if kind == b"F" and size.isdigit() and len(size) <= _LONGEST_SIZE else None
+        return DirectoryEntry(name.decode(), None)
+    return (
+        DirectoryEntry(name.decode(), int(size))
+        if kind == b"F" and size.isdigit() and len(size) <= _LONGEST_SIZE
+        else None
+    )
 
 
 _LONGEST_SIZE = 12

@@ -134,7 +134,7 @@ class OpenFile:
             del self.blocks[each]
 
 
-class Step(ABC, Generic[T]):
+class FtpStep(ABC, Generic[T]):
     """One step. It ends by itself with a `result` or an `error`, whatever comes or does not come."""
 
     def __init__(self) -> None:
@@ -155,7 +155,7 @@ class Step(ABC, Generic[T]):
         """Takes an answer, of this step or not."""
 
 
-class Asking(Step[FtpPacket]):
+class FtpRequest(FtpStep[FtpPacket]):
     """One request and its answer. `what` is human-readable."""
 
     def __init__(self, what: str, opcode: Opcode, session: int = 0, offset: int = 0, data: bytes = b"") -> None:
@@ -192,7 +192,7 @@ class Asking(Step[FtpPacket]):
             self.result = packet
 
 
-class Reading(Step[bytes]):
+class FtpReading(FtpStep[bytes]):
     """Reads `size` bytes of an open file from an offset, fewer where it ends before.
 
     Disarmed by bursts, which the autopilot sends on its own; what is missing after one is requested block by block.
@@ -330,7 +330,7 @@ def _begins_run(missing: list[int]) -> bool:
     return len(missing) >= BURST_LEAST and missing[BURST_LEAST - 1] - missing[0] == (BURST_LEAST - 1) * BLOCK
 
 
-class Pause(Step[bool]):
+class FtpPause(FtpStep[bool]):
     """Waits."""
 
     def __init__(self, duration_s: float) -> None:

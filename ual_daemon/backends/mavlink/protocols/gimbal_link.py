@@ -12,10 +12,10 @@ from ual.errors import LinkLostError, TaskAbortedError, UalError
 from ual.gimbals import GimbalAbility, GimbalAngles, GimbalControl, GimbalInfo, GimbalReference
 from ual_daemon.backends.engine.agreement import Agreement
 from ual_daemon.backends.firmwares import gimbal_protocol
-from ual_daemon.backends.firmwares.gimbal_protocol import Identity
-from ual_daemon.backends.mavlink.protocols.camera_exchanges import CameraLine, Order
+from ual_daemon.backends.firmwares.gimbal_protocol import GimbalIdentity
+from ual_daemon.backends.mavlink.protocols.camera_exchanges import CameraLine, CameraOrder
 from ual_daemon.backends.mavlink.protocols.gimbal_values import aiming, identity_of
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.offers.gimbals import GimbalAttitude
 
@@ -56,7 +56,7 @@ class GimbalLine(NamedTuple):
     send_perishable: Callable[[Message], object]
     stream: Callable[[int, float, float], object]
     read_kind: Callable[[], object]
-    own_ids: Callable[[], Source]
+    own_ids: Callable[[], MessageSource]
 
 
 class GimbalLink:
@@ -67,14 +67,14 @@ class GimbalLink:
     """
 
     def __init__(
-        self, number: int, manager: Source, device_id: int, line: GimbalLine, *, is_kind_known: bool = True
+        self, number: int, manager: MessageSource, device_id: int, line: GimbalLine, *, is_kind_known: bool = True
     ) -> None:
         self.number = number
         self.manager = manager
         self.device_id = device_id
         self.heard_s = -math.inf
         self.attitude: GimbalAttitude | None = None
-        self._identities: Agreement[Identity] | None = None
+        self._identities: Agreement[GimbalIdentity] | None = None
         self.is_identified = False
         """Whether it has said what it is since it was heard first, or again."""
         self.failures: tuple[str, ...] = ()
@@ -82,9 +82,9 @@ class GimbalLink:
         self.is_kind_known = is_kind_known
         self.meant: GimbalReference | None = None
         """Axes of its attitude, whatever its flags say. None: as they say."""
-        self._controller: Source | None = None
-        self._orders: dict[int, Order] = {}
-        self._next: dict[int, Order] = {}
+        self._controller: MessageSource | None = None
+        self._orders: dict[int, CameraOrder] = {}
+        self._next: dict[int, CameraOrder] = {}
         self._quiet_until_s: dict[int, float] = {}
         self._doubtful_until_s: dict[int, float] = {}
         """Until when an answer to each kind of order may be to one that has ended."""
@@ -95,7 +95,7 @@ class GimbalLink:
     # --- What is known ------------------------------------------------------------------------------------------------
 
     @property
-    def identity(self) -> Identity | None:
+    def identity(self) -> GimbalIdentity | None:
         """Identity of the gimbal; None while that is not known."""
         return None if self._identities is None else self._identities.value
 
@@ -178,7 +178,7 @@ class GimbalLink:
             if system_id >= 0.0:
                 self._controller = self._line.own_ids()
             elif self.control[0] is GimbalControl.OURS:
-                self._controller = Source(0, 0)
+                self._controller = MessageSource(0, 0)
 
         future.add_done_callback(on_done)
         params = (system_id, component_id, _UNCHANGED, _UNCHANGED, 0.0, 0.0, float(self.device_id))
@@ -189,7 +189,7 @@ class GimbalLink:
         replaced = self._next.pop(command_id, None)
         if replaced is not None:
             replaced.fail(TaskAbortedError(f"a newer order to {self.name} has replaced this one"))
-        self._next[command_id] = Order(future, line, command_id, params)
+        self._next[command_id] = CameraOrder(future, line, command_id, params)
 
     def _command(self, command_id: int, params: Sequence[float], sent_count: int) -> None:
         self._line.send(mavlink.MAVLink_command_long_message(*self.manager, command_id, min(sent_count, 255), *params))
@@ -233,7 +233,7 @@ class GimbalLink:
     def on_status(self, message: Message, now_s: float) -> None:
         """Takes a GIMBAL_MANAGER_STATUS."""
         self._hear(now_s)
-        self._controller = Source(message.primary_control_sysid, message.primary_control_compid)
+        self._controller = MessageSource(message.primary_control_sysid, message.primary_control_compid)
 
     def on_attitude(self, message: Message, now_s: float, *, is_of_manager: bool) -> None:
         """Takes a GIMBAL_DEVICE_ATTITUDE_STATUS."""

@@ -10,8 +10,8 @@ import math
 from ual.geometry import Quaternion
 from ual.gimbals import AngleRange, GimbalAbility, GimbalAngles, GimbalReference
 from ual_daemon.backends.firmwares import gimbal_protocol
-from ual_daemon.backends.firmwares.gimbal_protocol import Identity
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.firmwares.gimbal_protocol import GimbalIdentity
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
 _ABILITIES = {
@@ -28,7 +28,7 @@ LARGEST_LIMIT_RAD = 2.0 * math.pi + 0.01
 """A limit beyond it is none: PX4 1.17 says degrees here."""
 
 
-def identity_of(message: Message) -> Identity:
+def identity_of(message: Message) -> GimbalIdentity:
     """Reads a GIMBAL_MANAGER_INFORMATION."""
     abilities = set(_ALWAYS)
     for flag, able in _ABILITIES.items():
@@ -44,7 +44,7 @@ def identity_of(message: Message) -> Identity:
     note = f"its limits cannot be, and are not used: {', '.join(odd)}" if odd else ""
     if GimbalAbility.YAW not in abilities:
         abilities.discard(GimbalAbility.EARTH)
-    return Identity(frozenset(abilities), read.get("roll"), read.get("pitch"), read.get("yaw"), note)
+    return GimbalIdentity(frozenset(abilities), read.get("roll"), read.get("pitch"), read.get("yaw"), note)
 
 
 def _range(least_rad: float, most_rad: float) -> AngleRange | None:
@@ -52,7 +52,7 @@ def _range(least_rad: float, most_rad: float) -> AngleRange | None:
     return AngleRange(least_rad, most_rad) if is_possible else None
 
 
-def aiming(target: Source, angles: GimbalAngles, reference: GimbalReference, device_id: int) -> Message:
+def aiming(target: MessageSource, angles: GimbalAngles, reference: GimbalReference, device_id: int) -> Message:
     """Returns a GIMBAL_MANAGER_SET_ATTITUDE."""
     turned = Quaternion.from_euler(angles.roll_rad, -angles.pitch_rad, gimbal_protocol.yaw_of(angles, reference))
     q = (turned.w, turned.x, turned.y, turned.z)

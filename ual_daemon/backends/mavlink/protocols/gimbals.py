@@ -20,7 +20,7 @@ from ual_daemon.backends.mavlink.dialects.command_long import LongCommand, reque
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.protocols.gimbal_link import GimbalLine, GimbalLink
 from ual_daemon.backends.mavlink.protocols.protocol import Handler, Protocol
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
 _log = logging.getLogger(__name__)
@@ -55,7 +55,7 @@ AGAIN_S = 0.5
 """Seconds between two questions to a manager whose report is doubted."""
 
 
-class Means(NamedTuple):
+class GimbalServices(NamedTuple):
     """Services of the session with the autopilot that the protocol needs.
 
     Attributes:
@@ -70,31 +70,31 @@ class Means(NamedTuple):
     send: Callable[[Message], object]
     send_perishable: Callable[[Message], object] = lambda _message: None
     submit: Callable[[LongCommand, float], object] = lambda _command, _now_s: None
-    own_ids: Callable[[], Source] = lambda: Source(0, 0)
+    own_ids: Callable[[], MessageSource] = lambda: MessageSource(0, 0)
     says_manager: Callable[[], bool] = lambda: False
     is_flying: Callable[[], bool] = lambda: False
 
 
-class _Asked(NamedTuple):
+class _GimbalQuestions(NamedTuple):
     """Questions to a component for its gimbals so far, and the time of the next one."""
 
     asks_count: int
     next_s: float
 
 
-class Gimbals(Protocol):
+class GimbalProtocol(Protocol):
     """Belongs to the thread that receives; `found` is for any thread.
 
     A gimbal keeps its number while the daemon runs, also if it is not heard any more.
     """
 
-    def __init__(self, means: Means) -> None:
+    def __init__(self, means: GimbalServices) -> None:
         self.found: tuple[GimbalLink, ...] = ()
         self._means = means
-        self._target: Source | None = None
+        self._target: MessageSource | None = None
         self._dialect: Dialect | None = None
-        self._asked: dict[int, _Asked] = {}
-        self._doubted: dict[tuple[Source, int], Agreement[bool]] = {}
+        self._asked: dict[int, _GimbalQuestions] = {}
+        self._doubted: dict[tuple[MessageSource, int], Agreement[bool]] = {}
         """Gimbals that have reported once."""
         self._next_again_s = -math.inf
 
@@ -110,7 +110,7 @@ class Gimbals(Protocol):
         return bool(self.found) and any(each.is_busy for each in self.found)
 
     @override
-    def attach(self, target: Source, dialect: Dialect) -> None:
+    def attach(self, target: MessageSource, dialect: Dialect) -> None:
         if self._target is not None and self._target != target:
             self.drop("another autopilot was found")
         self._target, self._dialect = target, dialect
@@ -150,7 +150,7 @@ class Gimbals(Protocol):
             if each.manager.component_id == component_id:
                 each.on_ack(message, now_s)
 
-    def on_component(self, source: Source, message: Message, now_s: float) -> None:
+    def on_component(self, source: MessageSource, message: Message, now_s: float) -> None:
         """Takes a message of another component of the vehicle."""
         message_id = message.get_msgId()
         if message_id == mavlink.MAVLINK_MSG_ID_COMMAND_ACK:
@@ -165,7 +165,7 @@ class Gimbals(Protocol):
         if self._target is not None:
             self._on_message(self._target, message, now_s)
 
-    def _on_message(self, source: Source, message: Message, now_s: float) -> None:
+    def _on_message(self, source: MessageSource, message: Message, now_s: float) -> None:
         message_id, device_id = message.get_msgId(), message.gimbal_device_id
         if message_id == _ATTITUDE:
             self._on_attitude(source, message, now_s)
@@ -180,7 +180,7 @@ class Gimbals(Protocol):
             else:  # it manages one that has not said what it is
                 self._ask(source.component_id, now_s)
 
-    def _on_attitude(self, source: Source, message: Message, now_s: float) -> None:
+    def _on_attitude(self, source: MessageSource, message: Message, now_s: float) -> None:
         for each in self.found:
             is_attached = each.device_id <= LARGEST_ATTACHED_ID
             if is_attached and each.manager == source and message.gimbal_device_id in (0, each.device_id):
@@ -188,10 +188,10 @@ class Gimbals(Protocol):
             elif not is_attached and each.device_id == source.component_id:
                 each.on_attitude(message, now_s, is_of_manager=False)
 
-    def _found(self, source: Source, device_id: int) -> GimbalLink | None:
+    def _found(self, source: MessageSource, device_id: int) -> GimbalLink | None:
         return next((each for each in self.found if (each.manager, each.device_id) == (source, device_id)), None)
 
-    def _add_sure(self, source: Source, device_id: int, now_s: float) -> GimbalLink | None:
+    def _add_sure(self, source: MessageSource, device_id: int, now_s: float) -> GimbalLink | None:
         """Adds one that has said twice that it is there: it keeps its number for good."""
         key = (source, device_id)
         if key not in self._doubted and len(self._doubted) >= MOST_DOUBTED:
@@ -215,7 +215,7 @@ class Gimbals(Protocol):
             for source in sorted({source for source, _ in self._doubted} | doubted):
                 self._request(source, request_message(_INFORMATION), now_s)
 
-    def _add(self, source: Source, device_id: int) -> GimbalLink:
+    def _add(self, source: MessageSource, device_id: int) -> GimbalLink:
         line = GimbalLine(
             self._means.send,
             self._means.send_perishable,
@@ -229,12 +229,12 @@ class Gimbals(Protocol):
             _log.info("gimbal %d was found: %s", link.number, link.name)
         return link
 
-    def _has_kind(self, source: Source, device_id: int) -> bool:
+    def _has_kind(self, source: MessageSource, device_id: int) -> bool:
         """Returns whether a parameter of the autopilot says what the attitude of its own gimbal means."""
         is_own = source == self._target and device_id <= LARGEST_ATTACHED_ID
         return is_own and self._dialect is not None and bool(self._dialect.gimbal_kind_parameter)
 
-    def _lacks(self, source: Source) -> frozenset[GimbalAbility]:
+    def _lacks(self, source: MessageSource) -> frozenset[GimbalAbility]:
         is_of_autopilot = source == self._target and self._dialect is not None
         return self._dialect.lacking_gimbal_abilities if is_of_autopilot and self._dialect else frozenset()
 
@@ -249,19 +249,19 @@ class Gimbals(Protocol):
             return
         if target is None:
             return
-        asked = self._asked.setdefault(component_id, _Asked(0, now_s + FIRST_ASK_S))
+        asked = self._asked.setdefault(component_id, _GimbalQuestions(0, now_s + FIRST_ASK_S))
         most_count = AUTOPILOT_ASKS_COUNT if component_id == target.component_id else ASKS_COUNT
         if now_s < asked.next_s or asked.asks_count >= most_count or not self._may_ask(component_id):
             return
-        self._asked[component_id] = _Asked(asked.asks_count + 1, now_s + ASK_S)
-        self._request(Source(target.system_id, component_id), request_message(_INFORMATION), now_s)
+        self._asked[component_id] = _GimbalQuestions(asked.asks_count + 1, now_s + ASK_S)
+        self._request(MessageSource(target.system_id, component_id), request_message(_INFORMATION), now_s)
 
     def _may_ask(self, component_id: int) -> bool:
         is_told = self._dialect is not None and self._dialect.tells_gimbal_manager
         is_autopilot = self._target is not None and component_id == self._target.component_id
         return not (is_autopilot and is_told) or self._means.says_manager()
 
-    def _stream(self, source: Source, message_id: int, rate_hz: float, now_s: float) -> None:
+    def _stream(self, source: MessageSource, message_id: int, rate_hz: float, now_s: float) -> None:
         self._request(source, set_message_interval(message_id, rate_hz), now_s)
 
     def _read_kind(self, device_id: int) -> None:
@@ -281,7 +281,7 @@ class Gimbals(Protocol):
                 each.meant = None if kind is None else dialect.gimbal_references.get(kind)
                 each.is_kind_known = True
 
-    def _request(self, source: Source, command: LongCommand, now_s: float) -> None:
+    def _request(self, source: MessageSource, command: LongCommand, now_s: float) -> None:
         """Sends a request. Those to the autopilot take their turn, as answers do not say which one they are for."""
         if source == self._target:
             self._means.submit(command, now_s)

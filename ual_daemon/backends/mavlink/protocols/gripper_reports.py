@@ -13,7 +13,7 @@ from ual.gripper import GripperState
 from ual_daemon.backends import futures
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.protocols.protocol import Handler, Protocol
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
 READ_S = 2.5
@@ -60,7 +60,7 @@ class GripperReports(Protocol):
         self.is_waiting = True
 
     @override
-    def attach(self, target: Source, dialect: Dialect) -> None:
+    def attach(self, target: MessageSource, dialect: Dialect) -> None:
         self._texts = {} if dialect.gripper is None else dialect.gripper.texts
         self.forget_state()
 

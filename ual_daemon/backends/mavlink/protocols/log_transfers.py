@@ -20,7 +20,7 @@ from ual_daemon.backends import futures
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.protocols.exchange import Exchange
 from ual_daemon.backends.mavlink.protocols.protocol import Handler, Protocol
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
 T = TypeVar("T")
@@ -161,7 +161,7 @@ class _Listing(_LogExchange[list[LogEntry]]):
         return UalTimeoutError("the autopilot does not answer to the request for its logs, or has none")
 
 
-class _Reading(_LogExchange[bytes]):
+class _LogReading(_LogExchange[bytes]):
     """Reads a part of a log: a run of blocks that are missing at a time."""
 
     def __init__(self, future: Future[bytes], requests: _Requests, log_id: int, offset: int, size: int) -> None:
@@ -232,7 +232,7 @@ class LogTransfers(Protocol):
         self._send = send
         self._is_up = is_up
         self._is_gentle = is_gentle
-        self._target: Source | None = None
+        self._target: MessageSource | None = None
         self._requests: _Requests | None = None
         self._waiting: deque[_LogExchange[Any]] = deque()
         self._running: _LogExchange[Any] | None = None
@@ -254,7 +254,7 @@ class LogTransfers(Protocol):
         return self._running is not None
 
     @override
-    def attach(self, target: Source, dialect: Dialect) -> None:
+    def attach(self, target: MessageSource, dialect: Dialect) -> None:
         self.drop("another autopilot was found")
         self._target = target
         self._requests = _Requests(
@@ -294,7 +294,7 @@ class LogTransfers(Protocol):
 
     def read(self, log_id: int, offset: int, size: int, future: Future[bytes]) -> None:
         """Reads a part of a log that it has."""
-        self._add(future, lambda requests: _Reading(future, requests, log_id, offset, size))
+        self._add(future, lambda requests: _LogReading(future, requests, log_id, offset, size))
 
     def on_entry(self, message: Message, now_s: float) -> None:
         """Takes a LOG_ENTRY."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from ual_daemon.backends.firmwares.mission_items import MissionItem, MissionType
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
 
@@ -16,7 +16,7 @@ class MissionLine:
         self,
         send: Callable[[Message], object],
         is_up: Callable[[float], bool],
-        target: Source,
+        target: MessageSource,
         kind: MissionType,
     ) -> None:
         self.kind = kind

@@ -19,7 +19,7 @@ from ual_daemon.backends.firmwares.item_lists import not_current
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.protocols.exchange import Exchange
 from ual_daemon.backends.mavlink.protocols.protocol import Handler, Protocol
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.offers.parameters import Refusal, UndecidedError
 
@@ -28,7 +28,7 @@ TRIES_COUNT = 10
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
+class MissionNews:
     """The newest of what was heard of the mission: MISSION_CURRENT, and the number and time of MISSION_ITEM_REACHED.
 
     `total` is the number of its items, `texts_count` how many texts said that it was changed.
@@ -99,16 +99,16 @@ class SetCurrent(Exchange[None]):
             self.fail(LinkLostError("nothing comes from the autopilot: it is not known which item is its current one"))
 
 
-class MissionProgress(Protocol):
+class MissionProgressProtocol(Protocol):
     """Belongs to the thread that receives, but for `heard`, which any thread may read."""
 
     def __init__(self, send: Callable[[Message], object], is_up: Callable[[float], bool]) -> None:
         self._send = send
         self._is_up = is_up
-        self._target: Source | None = None
+        self._target: MessageSource | None = None
         self._setting: SetCurrent | None = None
         self._change_texts: tuple[str, ...] = ()
-        self.heard: Heard | None = None
+        self.heard: MissionNews | None = None
 
     @property
     @override
@@ -120,7 +120,7 @@ class MissionProgress(Protocol):
         }
 
     @override
-    def attach(self, target: Source, dialect: Dialect) -> None:
+    def attach(self, target: MessageSource, dialect: Dialect) -> None:
         self.drop("another autopilot was found")
         self._target, self._change_texts = target, dialect.mission_change_texts
 
@@ -156,7 +156,7 @@ class MissionProgress(Protocol):
         state, mission_id = getattr(message, "mission_state", 0), getattr(message, "mission_id", 0)
         heard, total = self.heard, getattr(message, "total", 0)
         texts_count = 0 if heard is None else heard.texts_count
-        told = Heard(state, message.seq, now_s, mission_id, total=total, texts_count=texts_count)
+        told = MissionNews(state, message.seq, now_s, mission_id, total=total, texts_count=texts_count)
         if heard is not None and (heard.mission_id, heard.total) == (mission_id, total):
             told = replace(told, reached=heard.reached, reached_s=heard.reached_s)  # else it is of another mission
         self.heard = told

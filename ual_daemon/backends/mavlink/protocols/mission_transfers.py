@@ -18,7 +18,7 @@ from ual_daemon.backends.mavlink.protocols.mission_exchange import MissionTaker
 from ual_daemon.backends.mavlink.protocols.mission_line import MissionLine
 from ual_daemon.backends.mavlink.protocols.mission_replacement import MissionReplacement
 from ual_daemon.backends.mavlink.protocols.protocol import Handler, Protocol
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.offers.parameters import Refusal
 
@@ -43,11 +43,11 @@ class MissionTransfers(Protocol):
     def __init__(self, send: Callable[[Message], object], is_up: Callable[[float], bool]) -> None:
         self._send = send
         self._is_up = is_up
-        self._target: Source | None = None
+        self._target: MessageSource | None = None
         self._refused_name = ""
         """The name of an autopilot with which nothing is exchanged."""
-        self._waiting: deque[_Asked] = deque()
-        self._running: _Asked | None = None
+        self._waiting: deque[_TransferRequest] = deque()
+        self._running: _TransferRequest | None = None
         self._changes: Counter[MissionType] = Counter()
         self.opaque_ids: OpaqueIds | None = None
         """The newest; None while the autopilot has told none."""
@@ -65,7 +65,7 @@ class MissionTransfers(Protocol):
         }
 
     @override
-    def attach(self, target: Source, dialect: Dialect) -> None:
+    def attach(self, target: MessageSource, dialect: Dialect) -> None:
         self.drop("another autopilot was found")
         self._target, self.opaque_ids = target, None
         self._refused_name = "" if dialect.keeps_items else dialect.name
@@ -127,7 +127,7 @@ class MissionTransfers(Protocol):
             futures.fail(future, ResourceExhaustedError(text, {"limit": str(MOST_WAITING)}))
         else:
             line = MissionLine(self._send, self._is_up, self._target, kind)
-            self._waiting.append(_Asked(kind, make(line), changes))
+            self._waiting.append(_TransferRequest(kind, make(line), changes))
 
     def _next(self) -> None:
         while self._running is None or self._running.taker.is_over:
@@ -138,7 +138,7 @@ class MissionTransfers(Protocol):
                 return
             self._running = self._waiting.popleft()
 
-    def _leave(self, asked: _Asked) -> None:
+    def _leave(self, asked: _TransferRequest) -> None:
         """Does what follows from the end of a transfer."""
         self._changes[asked.kind] += asked.changes
         if asked.taker.future.cancelled():
@@ -162,7 +162,7 @@ class MissionTransfers(Protocol):
             self.opaque_ids = ids
 
 
-class _Asked(NamedTuple):
+class _TransferRequest(NamedTuple):
     """A transfer that was asked for, and whether it changes the list."""
 
     kind: MissionType

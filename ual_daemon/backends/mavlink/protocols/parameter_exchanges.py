@@ -56,7 +56,7 @@ class Received(NamedTuple):
     value: tuple[float, ParameterType] | None
 
 
-class Requests(NamedTuple):
+class ParameterRequests(NamedTuple):
     """Requests to one autopilot: of a name, of an index, of all, and of a write.
 
     `explain` takes the error of an exchange that was not answered, its name, and the time. It returns the error with
@@ -73,7 +73,7 @@ class Requests(NamedTuple):
 class ParameterExchange(Exchange[T]):
     """An exchange about parameters."""
 
-    def __init__(self, future: Future[T], requests: Requests) -> None:
+    def __init__(self, future: Future[T], requests: ParameterRequests) -> None:
         super().__init__(future)
         self._requests = requests
 
@@ -88,7 +88,7 @@ class ParameterExchange(Exchange[T]):
 class _OfName(ParameterExchange[Parameter]):
     """An exchange about one parameter."""
 
-    def __init__(self, future: Future[Parameter], requests: Requests, name: str) -> None:
+    def __init__(self, future: Future[Parameter], requests: ParameterRequests, name: str) -> None:
         super().__init__(future, requests)
         self._name = name
         self._tries_count = 0
@@ -137,7 +137,7 @@ class _OfName(ParameterExchange[Parameter]):
         """Returns the error of a request without an answer."""
 
 
-class Reading(_OfName):
+class ParameterReading(_OfName):
     """Reads one value."""
 
     @override
@@ -165,7 +165,7 @@ class Writing(_OfName):
     """
 
     def __init__(
-        self, future: Future[Parameter], requests: Requests, wanted: Parameter, refusal: Refusal = lambda: None
+        self, future: Future[Parameter], requests: ParameterRequests, wanted: Parameter, refusal: Refusal = lambda: None
     ) -> None:
         super().__init__(future, requests, wanted.name)
         self.wanted = wanted
@@ -177,7 +177,7 @@ class Writing(_OfName):
         """Another value that has come since the last request."""
         self._contrary_count = 0
 
-    def follow(self, requests: Requests) -> None:
+    def follow(self, requests: ParameterRequests) -> None:
         """Goes on with the system that the autopilot has become by this write: it is read back there."""
         self._requests = requests
         self._is_confirmed, self._kept, self._tries_count, self._next_s = True, None, 0, None
@@ -225,7 +225,7 @@ class Writing(_OfName):
 class Listing(ParameterExchange[list[Parameter]]):
     """Lists all values: first as the autopilot streams them, then those that are missing."""
 
-    def __init__(self, future: Future[list[Parameter]], requests: Requests) -> None:
+    def __init__(self, future: Future[list[Parameter]], requests: ParameterRequests) -> None:
         super().__init__(future, requests)
         self._found: dict[int, Received] = {}
         self._asked_s: dict[int, float] = {}

@@ -27,13 +27,13 @@ from ual_daemon.backends.mavlink.dialects.parameter_codec import ParameterCodec
 from ual_daemon.backends.mavlink.protocols.parameter_exchanges import (
     Listing,
     ParameterExchange,
-    Reading,
+    ParameterReading,
+    ParameterRequests,
     Received,
-    Requests,
     Writing,
 )
 from ual_daemon.backends.mavlink.protocols.protocol import Handler, Protocol
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.offers.parameters import Refusal
 
@@ -52,7 +52,7 @@ class ParameterTransfers(Protocol):
     def __init__(self, send: Callable[[Message], object], is_up: Callable[[float], bool]) -> None:
         self._send = send
         self._is_up = is_up
-        self._requests: Requests | None = None
+        self._requests: ParameterRequests | None = None
         self._codec: ParameterCodec | None = None
         self._name = ""
         self._names: frozenset[str] = frozenset()
@@ -73,7 +73,7 @@ class ParameterTransfers(Protocol):
         }
 
     @override
-    def attach(self, target: Source, dialect: Dialect) -> None:
+    def attach(self, target: MessageSource, dialect: Dialect) -> None:
         followed = (
             self._single if isinstance(self._single, Writing) and self._is_successor(target, self._single) else None
         )
@@ -82,7 +82,7 @@ class ParameterTransfers(Protocol):
         self.drop("another autopilot was found")
         self._new_id = None
         self._codec, self._name, self._names = dialect.parameter_codec, dialect.name, frozenset()
-        self._requests = Requests(
+        self._requests = ParameterRequests(
             lambda name: self._send(mavlink.MAVLink_param_request_read_message(*target, name.encode("ascii"), -1)),
             lambda index: self._send(mavlink.MAVLink_param_request_read_message(*target, b"", index)),
             lambda: self._send(mavlink.MAVLink_param_request_list_message(*target)),
@@ -98,7 +98,7 @@ class ParameterTransfers(Protocol):
         return system_id == self._new_id
 
     @staticmethod
-    def _is_successor(target: Source, writing: Writing) -> bool:
+    def _is_successor(target: MessageSource, writing: Writing) -> bool:
         wanted = writing.wanted
         return not writing.is_over and wanted.name in SYSTEM_ID_NAMES and wanted.value == target.system_id
 
@@ -114,7 +114,7 @@ class ParameterTransfers(Protocol):
 
     def read(self, name: str, future: Future[Parameter]) -> None:
         """Reads one parameter."""
-        self._add(future, name, lambda requests: Reading(future, requests, name))
+        self._add(future, name, lambda requests: ParameterReading(future, requests, name))
 
     def write(self, wanted: Parameter, refusal: Refusal, future: Future[Parameter]) -> None:
         """Writes one parameter, and reads it back; see `AutopilotParameters.write`."""
@@ -142,7 +142,7 @@ class ParameterTransfers(Protocol):
         self._names = names
 
     def _add(
-        self, future: Future[Parameter], name: str, make: Callable[[Requests], ParameterExchange[Parameter]]
+        self, future: Future[Parameter], name: str, make: Callable[[ParameterRequests], ParameterExchange[Parameter]]
     ) -> None:
         requests = self._usable(future)
         if requests is None:
@@ -157,7 +157,7 @@ class ParameterTransfers(Protocol):
             return
         self._waiting.append(make(requests))
 
-    def _usable(self, future: Future[Parameter] | Future[list[Parameter]]) -> Requests | None:
+    def _usable(self, future: Future[Parameter] | Future[list[Parameter]]) -> ParameterRequests | None:
         """Returns what sends requests. Ends the future where there is nothing to send to."""
         if self._requests is None:
             futures.fail(future, LinkLostError("no autopilot was found"))
@@ -230,7 +230,7 @@ class ParameterTransfers(Protocol):
             return unknown(name, self._names)
         return error
 
-    def _write(self, target: Source, wanted: Parameter) -> None:
+    def _write(self, target: MessageSource, wanted: Parameter) -> None:
         if self._codec is None:
             return
         if wanted.name in SYSTEM_ID_NAMES:

@@ -6,7 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message
 
 Handler = Callable[[Message, float], None]
@@ -30,7 +30,7 @@ class Protocol(ABC):
         return False
 
     @abstractmethod
-    def attach(self, target: Source, dialect: Dialect) -> None:
+    def attach(self, target: MessageSource, dialect: Dialect) -> None:
         """Exchanges with this autopilot from now on. What is under way with another one ends."""
 
     @abstractmethod

@@ -7,20 +7,20 @@ from collections.abc import Callable
 
 from typing_extensions import override
 
-from ual_daemon.backends.engine.contained import Contained
+from ual_daemon.backends.engine.contained import ErrorBarrier
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
-from ual_daemon.backends.mavlink.protocols.cameras import Cameras
+from ual_daemon.backends.mavlink.protocols.cameras import CameraProtocol
 from ual_daemon.backends.mavlink.protocols.component_metadata import ComponentMetadata
 from ual_daemon.backends.mavlink.protocols.corrections_injection import CorrectionsInjection
 from ual_daemon.backends.mavlink.protocols.ftp import Ftp
-from ual_daemon.backends.mavlink.protocols.gimbals import Gimbals, Means
+from ual_daemon.backends.mavlink.protocols.gimbals import GimbalProtocol, GimbalServices
 from ual_daemon.backends.mavlink.protocols.gripper_reports import GripperReports
 from ual_daemon.backends.mavlink.protocols.log_transfers import LogTransfers
-from ual_daemon.backends.mavlink.protocols.mission_progress import MissionProgress
+from ual_daemon.backends.mavlink.protocols.mission_progress import MissionProgressProtocol
 from ual_daemon.backends.mavlink.protocols.mission_transfers import MissionTransfers
 from ual_daemon.backends.mavlink.protocols.parameter_transfers import ParameterTransfers
 from ual_daemon.backends.mavlink.protocols.protocol import Handler, Protocol
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message
 
 
@@ -44,7 +44,7 @@ class Protocols(Protocol):
         is_gentle: Callable[[], bool] = lambda: True,
         has_room: Callable[[], bool] = lambda: True,
         speed_up: Callable[[float], object] = lambda _: None,
-        of_gimbals: Means | None = None,
+        of_gimbals: GimbalServices | None = None,
     ) -> None:
         self.parameters = ParameterTransfers(send, is_up)
         self.missions = MissionTransfers(send, is_up)
@@ -52,9 +52,9 @@ class Protocols(Protocol):
         self.logs = LogTransfers(send, is_up, is_gentle)
         self.component_metadata = ComponentMetadata(send)
         self.corrections = CorrectionsInjection(send, is_up, has_room)
-        self.cameras = Cameras(send, is_gentle)
-        self.gimbals = Gimbals(of_gimbals or Means(send))
-        self.progress = MissionProgress(send, is_up)
+        self.cameras = CameraProtocol(send, is_gentle)
+        self.gimbals = GimbalProtocol(of_gimbals or GimbalServices(send))
+        self.progress = MissionProgressProtocol(send, is_up)
         self.gripper = GripperReports()
         self._all: tuple[Protocol, ...] = (
             self.parameters,
@@ -69,7 +69,7 @@ class Protocols(Protocol):
             self.gimbals,
         )
         self._ticked = tuple(each for each in self._all if each is not self.gripper)
-        self._contained: dict[Protocol, Contained] = {each: Contained(type(each).__name__) for each in self._all}
+        self._contained: dict[Protocol, ErrorBarrier] = {each: ErrorBarrier(type(each).__name__) for each in self._all}
         taken: defaultdict[int, list[Handler]] = defaultdict(list)
         for protocol in self._all:
             for message_id, handler in protocol.handlers.items():
@@ -87,7 +87,7 @@ class Protocols(Protocol):
         return self.files.is_urgent or self.logs.is_urgent or self.gimbals.is_urgent  # no other one ever is
 
     @override
-    def attach(self, target: Source, dialect: Dialect) -> None:
+    def attach(self, target: MessageSource, dialect: Dialect) -> None:
         for protocol in self._all:
             protocol.attach(target, dialect)
 
@@ -100,7 +100,7 @@ class Protocols(Protocol):
     def tick(self, now_s: float) -> None:
         ticked = (*self._ticked, self.gripper) if self.gripper.is_waiting else self._ticked
         for protocol in ticked:
-            try:  # here, and not by `Contained.call`: each sample costs it
+            try:  # here, and not by `ErrorBarrier.call`: each sample costs it
                 protocol.tick(now_s)
             except Exception as error:  # noqa: BLE001 - what flies goes on
                 self._end_defective(protocol, error)

@@ -10,22 +10,22 @@ from functools import partial
 from typing_extensions import override
 
 from ual_daemon import logs
-from ual_daemon.backends.engine.link_watch import LinkState, LinkWatch
+from ual_daemon.backends.engine.link_watch import LinkWatch, LinkWatchState
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.dialects.command_long import LongCommand
-from ual_daemon.backends.mavlink.dialects.detection import Kind, dialect_of, kind_of, kind_text
+from ual_daemon.backends.mavlink.dialects.detection import HeartbeatKind, dialect_of, kind_of, kind_text
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
-from ual_daemon.backends.mavlink.links import Address, Transport
+from ual_daemon.backends.mavlink.links import Address, MessageTransport
 from ual_daemon.backends.mavlink.protocols import cameras, gimbals
-from ual_daemon.backends.mavlink.protocols.gimbals import Means
+from ual_daemon.backends.mavlink.protocols.gimbals import GimbalServices
 from ual_daemon.backends.mavlink.protocols.protocols import Protocols
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import OWN_HEARTBEAT_S, own_heartbeat
 from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
-from ual_daemon.backends.mavlink.session.session import ALL_SYSTEMS, Session, Successor
+from ual_daemon.backends.mavlink.session.session import ALL_SYSTEMS, MavlinkSession, Successor
 from ual_daemon.backends.mavlink.session.shape import Shape
-from ual_daemon.backends.mavlink.session.supervision import LinkStatistics, Supervision
+from ual_daemon.backends.mavlink.session.supervision import LinkCounts, LinkStatistics
 from ual_daemon.backends.mavlink.settings import SECTION, MavlinkSettings
-from ual_daemon.backends.mavlink.wire.frames import Frame, Source
+from ual_daemon.backends.mavlink.wire.frames import MavlinkFrame, MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
 from ual_daemon.backends.mavlink.wire.receiver import Receiver, Selector, source_text
 from ual_daemon.backends.mavlink.wire.sender import Sender
@@ -46,7 +46,7 @@ STRAY_S = 2.5
 """Seconds after a single heartbeat and nothing more, after which another autopilot that is heard replaces its
 sender.
 """
-_UNHEARD = (LinkState.CONNECTING, LinkState.LOST)
+_UNHEARD = (LinkWatchState.CONNECTING, LinkWatchState.LOST)
 _AUTOPILOT = mavlink.MAV_COMP_ID_AUTOPILOT1
 _OF_ANY = frozenset({mavlink.MAVLINK_MSG_ID_HEARTBEAT, mavlink.MAVLINK_MSG_ID_COMMAND_ACK})
 _CALLER_SYSTEM_ID = 245
@@ -63,7 +63,7 @@ class Discovery(Selector):
     def __init__(
         self,
         settings: MavlinkSettings,
-        link: Transport,
+        link: MessageTransport,
         url: str,
         setpoints: SetpointMonitor,
         signer: Signer | None = None,
@@ -74,15 +74,15 @@ class Discovery(Selector):
         self.sender = Sender(link, codec)
         self.receiver = Receiver(link, codec, self, signer)
         self.watch = LinkWatch(url, Dialect.freshness.link_s, on_lost=self.discard_state, on_anew=self._request_anew)
-        self.supervision = Supervision(self.watch)
-        self.session: Session | None = None
+        self.supervision = LinkCounts(self.watch)
+        self.session: MavlinkSession | None = None
         self.protocols = Protocols(
             self.sender.send,
             self.watch.is_up,
             self._may_be_flying,
             lambda: link.has_room,
             self._speed_up,
-            Means(
+            GimbalServices(
                 self.sender.send,
                 partial(self.sender.send, is_perishable=True),
                 self._submit,
@@ -97,7 +97,7 @@ class Discovery(Selector):
         self._payload_messages = payload_messages or PayloadMessages()
         self._next_heartbeat_s = -math.inf
         self._url = url
-        self._others: set[Source] = set()
+        self._others: set[MessageSource] = set()
         self._told: set[str] = set()
 
     def reconnected(self) -> None:
@@ -122,9 +122,9 @@ class Discovery(Selector):
         if self.session is not None:
             self.session.submit(request, now_s)
 
-    def _own_ids(self) -> Source:
+    def _own_ids(self) -> MessageSource:
         system_id = _CALLER_SYSTEM_ID if self.session is None else self.session.system_id
-        return Source(system_id, self._settings.component_id)
+        return MessageSource(system_id, self._settings.component_id)
 
     def _says_gimbal_manager(self) -> bool:
         version = None if self.session is None else self.session.telemetry.version
@@ -138,7 +138,7 @@ class Discovery(Selector):
     def release(self) -> None:
         """Ends the session: the autopilot need not send what was requested any more."""
         self.protocols.drop("the daemon ends")
-        if self.session is not None and self.watch.state is not LinkState.LOST:
+        if self.session is not None and self.watch.state is not LinkWatchState.LOST:
             self.session.release()
 
     def tick(self, now_s: float) -> None:
@@ -177,7 +177,7 @@ class Discovery(Selector):
         return f"heard at {self._url} instead: {heard}" if heard else f"nothing comes to {self._url}"
 
     @override
-    def is_wanted(self, source: Source, heartbeat: Message) -> bool:
+    def is_wanted(self, source: MessageSource, heartbeat: Message) -> bool:
         return not self._why_not(source, kind_of(heartbeat))
 
     @override
@@ -186,7 +186,9 @@ class Discovery(Selector):
         return session is not None and session.identity.is_stray and self.watch.is_silent(now_s, STRAY_S)
 
     @override
-    def on_heartbeat(self, source: Source, heartbeat: Message, address: Address | None, now_s: float) -> Session | None:
+    def on_heartbeat(
+        self, source: MessageSource, heartbeat: Message, address: Address | None, now_s: float
+    ) -> MavlinkSession | None:
         kind, untaken = kind_of(heartbeat), self.receiver.untaken
         if self._is_odd(source):
             why = "waiting for an autopilot with usual ids"
@@ -199,7 +201,9 @@ class Discovery(Selector):
         return self._open_session(source, kind, dialect_of(kind, is_addressable=is_addressable), address)
 
     @override
-    def on_other_heartbeat(self, source: Source, heartbeat: Message, address: Address | None, now_s: float) -> None:
+    def on_other_heartbeat(
+        self, source: MessageSource, heartbeat: Message, address: Address | None, now_s: float
+    ) -> None:
         kind = kind_of(heartbeat)
         is_vehicle = kind.is_autopilot and kind.is_vehicle
         why = self._why_not(source, kind)
@@ -210,7 +214,7 @@ class Discovery(Selector):
         self.receiver.untaken.note(source, _heard_text(source, kind, address, why), now_s, is_minor=not is_vehicle)
 
     @override
-    def is_successor(self, source: Source, now_s: float) -> bool:
+    def is_successor(self, source: MessageSource, now_s: float) -> bool:
         session, heard_s = self.session, self.watch.heard_s
         if session is None or heard_s is None or self._settings.system_id is not None:
             return False
@@ -224,14 +228,14 @@ class Discovery(Selector):
         return True
 
     @override
-    def is_component_wanted(self, frame: Frame) -> bool:
+    def is_component_wanted(self, frame: MavlinkFrame) -> bool:
         if frame.message_id in gimbals.MESSAGE_IDS:
             return True
         is_of_gimbal = frame.message_id in _OF_ANY and self.protocols.gimbals.is_wanted(frame.component_id)
         return is_of_gimbal or (frame.component_id in cameras.COMPONENTS and frame.message_id in cameras.MESSAGE_IDS)
 
     @override
-    def on_component(self, source: Source, message: Message, now_s: float, utc_now_s: float) -> None:
+    def on_component(self, source: MessageSource, message: Message, now_s: float, utc_now_s: float) -> None:
         system_id = getattr(message, "target_system", 0)
         component_id = getattr(message, "target_component", 0)
         if system_id in (0, source.system_id) and component_id in (0, self._settings.component_id):
@@ -239,12 +243,12 @@ class Discovery(Selector):
                 self.protocols.cameras.on_component(source, message, now_s, utc_now_s)
             self.protocols.gimbals.on_component(source, message, now_s)
 
-    def _is_odd(self, source: Source) -> bool:
+    def _is_odd(self, source: MessageSource) -> bool:
         """Returns whether it has ids that an autopilot seldom has, and that were not chosen."""
         is_usual = source.component_id == _AUTOPILOT or self._settings.autopilot_component_id is not None
         return source.system_id == ALL_SYSTEMS or not is_usual
 
-    def _why_not(self, source: Source, kind: Kind) -> str:
+    def _why_not(self, source: MessageSource, kind: HeartbeatKind) -> str:
         """Returns, human-readable, why the sender of a heartbeat may not be selected; empty if it may."""
         only, only_component = self._settings.system_id, self._settings.autopilot_component_id
         is_named = kind.names_firmware or source.system_id == ALL_SYSTEMS
@@ -271,17 +275,22 @@ class Discovery(Selector):
             told.add(heard)
             logs.event(_log, logging.WARNING, "no_autopilot", url=self._url, heard=heard)
 
-    def _replace_session(self, source: Source, successor: Successor) -> None:
+    def _replace_session(self, source: MessageSource, successor: Successor) -> None:
         """Opens the session anew, as the vehicle is another one than its heartbeats said, or than was there before."""
         dialect = dialect_of(successor.kind, is_addressable=source.system_id != ALL_SYSTEMS)
         session = self._open_session(source, successor.heartbeats_kind, dialect, None, successor.shape)
         self.receiver.replace_handler(session)
 
     def _open_session(
-        self, source: Source, kind: Kind, dialect: Dialect, address: Address | None, shape: Shape | None = None
-    ) -> Session:
+        self,
+        source: MessageSource,
+        kind: HeartbeatKind,
+        dialect: Dialect,
+        address: Address | None,
+        shape: Shape | None = None,
+    ) -> MavlinkSession:
         """Opens the session with an autopilot whose heartbeats are of this kind."""
-        self.session = Session(
+        self.session = MavlinkSession(
             source,
             kind,
             dialect,
@@ -299,7 +308,7 @@ class Discovery(Selector):
         _log.info("connected to %s, %s%s", dialect.name, source_text(source), where)
         return self.session
 
-    def _tell_other(self, source: Source) -> None:
+    def _tell_other(self, source: MessageSource) -> None:
         """Logs once each that there is another autopilot."""
         others, session = self._others, self.session
         if session is None or source in others or len(others) >= _MOST_OTHERS:
@@ -314,7 +323,7 @@ class Discovery(Selector):
         )
 
 
-def _heard_text(source: Source, kind: Kind, address: Address | None, why: str) -> str:
+def _heard_text(source: MessageSource, kind: HeartbeatKind, address: Address | None, why: str) -> str:
     """Returns, human-readable, what sends a heartbeat, and why it is not taken."""
     where = "" if address is None else f" at {address[0]}:{address[1]}"
     return f"{kind_text(kind)} ({source_text(source)}{where}): {why}"

@@ -7,7 +7,7 @@ import math
 
 from ual_daemon import logs
 from ual_daemon.backends.engine.agreement import Agreement, FlightSeen
-from ual_daemon.backends.mavlink.dialects.detection import Kind, kind_text
+from ual_daemon.backends.mavlink.dialects.detection import HeartbeatKind, kind_text
 from ual_daemon.backends.mavlink.links import Address
 
 _log = logging.getLogger(__name__)
@@ -34,14 +34,14 @@ class _Conflict:
         self.why = ""
 
 
-class Identity:
+class VehicleIdentity:
     """The vehicle of a session, by the kind in its heartbeats, its time since boot, its address and sequence numbers.
 
     Not thread-safe: belongs to the thread that receives. While `conflict` is not empty, the vehicle must not be flown:
     it says why, human-readable. During a `flight` a conflict is only told (`doubt`).
     """
 
-    def __init__(self, system_id: int, kind: Kind, flight: FlightSeen) -> None:
+    def __init__(self, system_id: int, kind: HeartbeatKind, flight: FlightSeen) -> None:
         self.conflict = self.doubt = ""
         self._flight = flight
         self._is_calm = False
@@ -59,7 +59,7 @@ class Identity:
         self._sequence = 0
 
     @property
-    def kind(self) -> Kind:
+    def kind(self) -> HeartbeatKind:
         """Kind of the vehicle, by its heartbeats."""
         return self._kind.value
 
@@ -68,7 +68,7 @@ class Identity:
         """Whether no more than one heartbeat of its kind has come."""
         return self._heartbeats_count <= 1
 
-    def on_heartbeat(self, kind: Kind, now_s: float) -> bool:
+    def on_heartbeat(self, kind: HeartbeatKind, now_s: float) -> bool:
         """Takes the kind in a heartbeat. Returns whether the vehicle has been replaced by one of this kind."""
         own = self.kind
         if kind == own:

@@ -13,9 +13,9 @@ from ual_daemon import logs
 from ual_daemon.backends.base import UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.engine.loop import TICK_S, Loop, LoopThread
-from ual_daemon.backends.mavlink.links import Address, Connection
+from ual_daemon.backends.mavlink.links import Address, LinkConnection
 from ual_daemon.backends.mavlink.session.discovery import Discovery
-from ual_daemon.backends.mavlink.session.session import Session
+from ual_daemon.backends.mavlink.session.session import MavlinkSession
 from ual_daemon.backends.mavlink.session.supervision import LinkStatistics
 from ual_daemon.backends.values import Freshness, Sample, Snapshot, VehicleInfo
 
@@ -31,7 +31,7 @@ class ReceiveLoop:
 
     def __init__(
         self,
-        connection: Connection,
+        connection: LinkConnection,
         discovery: Discovery,
         clock: MonotonicClock,
         on_freshness: Callable[[Freshness], None],
@@ -46,7 +46,7 @@ class ReceiveLoop:
         self._discovery = discovery
         self._clock = clock
         self._on_freshness = on_freshness
-        self._session: Session | None = None
+        self._session: MavlinkSession | None = None
         """The session that `info` is about."""
         self._freshness: Freshness | None = None
         self._next_info_s = clock.now_s()
@@ -135,7 +135,7 @@ class ReceiveLoop:
             self._use_freshness(session)
         self.info = session.info()
 
-    def _use_freshness(self, session: Session) -> None:
+    def _use_freshness(self, session: MavlinkSession) -> None:
         self._freshness = session.freshness
         self._on_freshness(session.freshness)
 

@@ -13,9 +13,9 @@ from typing import NamedTuple
 from ual_daemon import logs
 from ual_daemon.backends.engine.agreement import FlightSeen
 from ual_daemon.backends.engine.command import FLYING, Verdict
-from ual_daemon.backends.engine.command_runner import Asked, CommandRunner
+from ual_daemon.backends.engine.command_runner import CommandContext, CommandRunner
 from ual_daemon.backends.engine.limits import ANEW_S
-from ual_daemon.backends.engine.link_watch import LinkState
+from ual_daemon.backends.engine.link_watch import LinkWatchState
 from ual_daemon.backends.engine.severe_texts import SevereTexts
 from ual_daemon.backends.firmwares.autopilot import SimulationVerdict, assumed_text, assumption_text
 from ual_daemon.backends.firmwares.cause_watch import CauseWatch
@@ -37,26 +37,26 @@ from ual_daemon.backends.mavlink.dialects.command_long import (
     target_stream,
 )
 from ual_daemon.backends.mavlink.dialects.data_streams import request_group
-from ual_daemon.backends.mavlink.dialects.detection import Kind, dialect_of, kind_of
+from ual_daemon.backends.mavlink.dialects.detection import HeartbeatKind, dialect_of, kind_of
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.setpoint_encoder import SetpointEncoder
 from ual_daemon.backends.mavlink.links import Address
-from ual_daemon.backends.mavlink.protocols.mission_progress import Heard
+from ual_daemon.backends.mavlink.protocols.mission_progress import MissionNews
 from ual_daemon.backends.mavlink.protocols.protocol import Handler
 from ual_daemon.backends.mavlink.protocols.protocols import Protocols
 from ual_daemon.backends.mavlink.session.conversions import channels, pulses
 from ual_daemon.backends.mavlink.session.fence_download import FenceDownload
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import OWN_HEARTBEAT_S, HeartbeatWatchdog, own_heartbeat
-from ual_daemon.backends.mavlink.session.identity import Identity
+from ual_daemon.backends.mavlink.session.identity import VehicleIdentity
 from ual_daemon.backends.mavlink.session.late_messages import LateMessages
 from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
 from ual_daemon.backends.mavlink.session.rate_fit import RateFit
 from ual_daemon.backends.mavlink.session.setup_requests import SetupRequests
 from ual_daemon.backends.mavlink.session.shape import Shape
-from ual_daemon.backends.mavlink.session.supervision import Supervision
-from ual_daemon.backends.mavlink.session.telemetry import Telemetry
+from ual_daemon.backends.mavlink.session.supervision import LinkCounts
+from ual_daemon.backends.mavlink.session.telemetry import AutopilotTelemetry
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
-from ual_daemon.backends.mavlink.wire.frames import Frame, Source
+from ual_daemon.backends.mavlink.wire.frames import MavlinkFrame, MessageSource
 from ual_daemon.backends.mavlink.wire.messages import EVENT_ID, Message, mavlink
 from ual_daemon.backends.mavlink.wire.sender import Sender
 from ual_daemon.backends.mavlink.wire.signing import KEY_MISSING
@@ -99,8 +99,8 @@ class _Info(NamedTuple):
 class Successor(NamedTuple):
     """The vehicle of the session that has to follow: what its heartbeats say, what it is, and the verdict on that."""
 
-    heartbeats_kind: Kind
-    kind: Kind
+    heartbeats_kind: HeartbeatKind
+    kind: HeartbeatKind
     shape: Shape | None = None
 
 
@@ -108,17 +108,17 @@ def _ignore(_: float) -> None:
     """Nobody wants to know."""
 
 
-class Session:
+class MavlinkSession:
     """The session with the autopilot `source`. `setpoints` are those that were sent to it."""
 
     def __init__(
         self,
-        source: Source,
-        kind: Kind,
+        source: MessageSource,
+        kind: HeartbeatKind,
         dialect: Dialect,
         settings: MavlinkSettings,
         sender: Sender,
-        supervision: Supervision,
+        supervision: LinkCounts,
         setpoints: SetpointMonitor,
         payload_messages: PayloadMessages | None = None,
         protocols: Protocols | None = None,
@@ -129,13 +129,13 @@ class Session:
         self.system_id = source.system_id
         self.dialect = dialect
         flight = FlightSeen()
-        self.identity = Identity(self.system_id, kind, flight)
+        self.identity = VehicleIdentity(self.system_id, kind, flight)
         self.successor: Successor | None = None
         """The vehicle that this one has turned out to be, or that has taken its place; None if neither."""
         self._shape = shape or Shape(dialect_of(kind), flight, self._request_parameter)
         self._shape.read, self._shape.flight = self._request_parameter, flight
         self._is_vtol = self._shape.is_vtol
-        self.telemetry = Telemetry(dialect, supervision.watch.begin_boot(), flight)
+        self.telemetry = AutopilotTelemetry(dialect, supervision.watch.begin_boot(), flight)
         self.freshness = dialect.freshness
         """As the dialect's, with a shorter `link_s` where the autopilot leaves the mode of our setpoints sooner."""
         learns = settings.learns_feed_forward and dialect.takes_feed_forward
@@ -217,7 +217,7 @@ class Session:
         self.used_ids = self.decoded_ids | {EVENT_ID}
 
     @property
-    def mission_heard(self) -> Heard | None:
+    def mission_heard(self) -> MissionNews | None:
         """The newest of what was heard of its mission. From any thread."""
         return self._protocols.progress.heard
 
@@ -227,7 +227,7 @@ class Session:
         return self._heartbeats.is_wanted or self._commands.is_any_under_way
 
     def on_message(
-        self, frame: Frame, message: Message | None, address: Address | None, now_s: float, utc_now_s: float
+        self, frame: MavlinkFrame, message: Message | None, address: Address | None, now_s: float, utc_now_s: float
     ) -> None:
         """Takes a frame of this autopilot, and its content where that is decoded."""
         self._supervision.on_frame(frame.sequence, now_s)
@@ -275,7 +275,9 @@ class Session:
         self.telemetry.conflict = self.identity.conflict
 
     def discard_state(self) -> None:
-        """Discards all that may have changed, as `Telemetry.discard_state` does, and requests a heartbeat at once."""
+        """Discards all that may have changed, as `AutopilotTelemetry.discard_state` does, and requests a heartbeat at
+        once.
+        """
         self.telemetry.discard_state()
         self._heartbeats.want()
 
@@ -287,7 +289,11 @@ class Session:
             self._fence_download.want()
 
     def submit(
-        self, command: LongCommand, now_s: float, result: Future[None] | None = None, asked: Asked | None = None
+        self,
+        command: LongCommand,
+        now_s: float,
+        result: Future[None] | None = None,
+        asked: CommandContext | None = None,
     ) -> Future[None]:
         """Sends a command; see `CommandRunner.submit`."""
         if command.group == FLYING:
@@ -318,7 +324,7 @@ class Session:
         if self._fence_download is not None:
             self._fence_download.tick(now_s, is_armed=self.telemetry.is_armed)
         self._commands.tick(now_s)
-        is_late = self._heartbeats.is_late(now_s) and self._supervision.watch.state is not LinkState.LOST
+        is_late = self._heartbeats.is_late(now_s) and self._supervision.watch.state is not LinkWatchState.LOST
         if self._heartbeats.take_request(now_s, is_needed=is_late or self._commands.wants_state(now_s)):
             self._send_command(request_message(mavlink.MAVLINK_MSG_ID_HEARTBEAT))
         if self.telemetry.mode_names.take_request(now_s):
@@ -458,7 +464,7 @@ class Session:
         uid = bytes(version.uid2).rstrip(b"\0").hex() or f"{version.uid:x}"
         return f"{self.dialect.name} {self.system_id} {uid}"
 
-    def _on_decoded(self, frame: Frame, message: Message, boot_ms: int, now_s: float, utc_now_s: float) -> None:
+    def _on_decoded(self, frame: MavlinkFrame, message: Message, boot_ms: int, now_s: float, utc_now_s: float) -> None:
         telemetry = self.telemetry
         if boot_ms > 0 and self._supervision.on_boot_time(boot_ms / 1000.0, now_s):
             telemetry.discard_boot(self._supervision.watch.begin_boot())
@@ -483,7 +489,7 @@ class Session:
         if self._payload_messages.ids:
             self._payload_messages.on_message(message, now_s)
 
-    def _on_undecoded(self, frame: Frame, now_s: float) -> None:
+    def _on_undecoded(self, frame: MavlinkFrame, now_s: float) -> None:
         """Takes a message that no dialect of pymavlink has, or that is not used."""
         self.telemetry.on_frame(frame.sequence, now_s)
         if self._fit.is_high and frame.message_id != EVENT_ID:

@@ -10,7 +10,7 @@ from ual_daemon.backends.engine.command_runner import CommandRunner
 from ual_daemon.backends.mavlink.dialects.command_long import CommandLong, LongCommand, request_message
 from ual_daemon.backends.mavlink.dialects.data_streams import group_rates_hz
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
-from ual_daemon.backends.mavlink.session.telemetry import Telemetry
+from ual_daemon.backends.mavlink.session.telemetry import AutopilotTelemetry
 from ual_daemon.backends.mavlink.wire.messages import mavlink, message_name
 
 ROUND_S = 1.0
@@ -41,7 +41,7 @@ class SetupRequests:
     def __init__(
         self,
         dialect: Dialect,
-        telemetry: Telemetry,
+        telemetry: AutopilotTelemetry,
         commands: CommandRunner[CommandLong],
         request_parameter: Callable[[str], None],
         streams: Iterable[LongCommand],

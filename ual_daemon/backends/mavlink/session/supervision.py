@@ -6,11 +6,11 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
-from ual_daemon.backends.engine.link_watch import LinkState, LinkWatch
+from ual_daemon.backends.engine.link_watch import LinkWatch, LinkWatchState
 from ual_daemon.backends.mavlink.session.sequence import LATE_COUNT, SequenceGaps
 from ual_daemon.backends.mavlink.session.timesync import Timesync
 
-_CONNECTED = LinkState.CONNECTED
+_CONNECTED = LinkWatchState.CONNECTED
 WINDOW_S = 10.0
 """Seconds over which rate and loss are measured."""
 _SHORT_SILENCE_S = 0.1
@@ -28,7 +28,7 @@ class LinkStatistics:
     the link was lost.
     """
 
-    state: LinkState = LinkState.CONNECTING
+    state: LinkWatchState = LinkWatchState.CONNECTING
     rate_hz: float = 0.0
     loss: float = 0.0
     round_trip_s: float | None = None
@@ -49,7 +49,7 @@ class _Second:
     lost_count: int = 0
 
 
-class Supervision:
+class LinkCounts:
     """Counts what comes from one autopilot, beside the `watch` of its link.
 
     Not thread-safe: belongs to the thread that receives; others may read `statistics`.

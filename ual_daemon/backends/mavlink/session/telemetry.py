@@ -14,7 +14,7 @@ from ual_daemon.backends.engine.agreement import Agreement, FlightSeen
 from ual_daemon.backends.engine.boot_time import has_wrapped
 from ual_daemon.backends.engine.clock_offset import ClockOffset
 from ual_daemon.backends.engine.plausibility import Plausibility
-from ual_daemon.backends.engine.readings import Lasts, Reading, Readings
+from ual_daemon.backends.engine.readings import Reading, Readings, Valid
 from ual_daemon.backends.firmwares.batteries import Batteries
 from ual_daemon.backends.firmwares.fence_reader import FenceReader
 from ual_daemon.backends.firmwares.home_watch import HomeWatch
@@ -67,7 +67,7 @@ class _Home(NamedTuple):
     place: GeoPoint | None
 
 
-class Telemetry:
+class AutopilotTelemetry:
     """The newest of each value that one autopilot sent. Not thread-safe: belongs to the thread that receives.
 
     `now_s` is the backend's clock, `utc_now_s` the same moment as UTC.
@@ -86,18 +86,18 @@ class Telemetry:
         readings = self._readings = Readings()
         # Where a landed state is sure to come, its absence must not be taken for flying.
         not_landed = Sample(LandedState.UNKNOWN, NEVER_S) if dialect.sends_landed_state else None
-        self.armed: Reading[bool] = readings.add(Lasts.SEEN)
-        self.mode: Reading[Mode] = readings.add(Lasts.SEEN)
-        self.landed: Reading[LandedState] = readings.add(Lasts.SEEN, unknown=not_landed)
-        self.estimator: Reading[Estimator] = readings.add(Lasts.SEEN)
-        self._attitude: Reading[tuple[Quaternion, Vector3]] = readings.add(Lasts.SEEN, limit_s=ATTITUDE_LIMIT_S)
-        self._angles: Reading[None] = readings.add(Lasts.SEEN)
+        self.armed: Reading[bool] = readings.add(Valid.WHILE_HEARD)
+        self.mode: Reading[Mode] = readings.add(Valid.WHILE_HEARD)
+        self.landed: Reading[LandedState] = readings.add(Valid.WHILE_HEARD, unknown=not_landed)
+        self.estimator: Reading[Estimator] = readings.add(Valid.WHILE_HEARD)
+        self._attitude: Reading[tuple[Quaternion, Vector3]] = readings.add(Valid.WHILE_HEARD, limit_s=ATTITUDE_LIMIT_S)
+        self._angles: Reading[None] = readings.add(Valid.WHILE_HEARD)
         """The same from angles: only its order."""
-        self.pose: Reading[Pose] = readings.add(Lasts.SEEN)
-        self.velocity: Reading[Twist] = readings.add(Lasts.SEEN)
+        self.pose: Reading[Pose] = readings.add(Valid.WHILE_HEARD)
+        self.velocity: Reading[Twist] = readings.add(Valid.WHILE_HEARD)
         """Came with the pose."""
-        self._position_geo: Reading[GeoPoint] = readings.add(Lasts.SEEN, limit_s=GEO_LIMIT_S)
-        self._home: Reading[_Home] = readings.add(Lasts.BOOT)
+        self._position_geo: Reading[GeoPoint] = readings.add(Valid.WHILE_HEARD, limit_s=GEO_LIMIT_S)
+        self._home: Reading[_Home] = readings.add(Valid.UNTIL_REBOOT)
         self.origin = LocalOrigin()
         """Position of its local frame on Earth."""
         self.home_watch = HomeWatch()

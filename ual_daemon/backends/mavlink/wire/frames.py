@@ -59,14 +59,14 @@ _LOOK = 48
 """The work of looking at a beginning, in the same unit: bytes that a checksum covers."""
 
 
-class Source(NamedTuple):
+class MessageSource(NamedTuple):
     """Sender of a message: a component of a system."""
 
     system_id: int
     component_id: int
 
 
-class Frame(NamedTuple):
+class MavlinkFrame(NamedTuple):
     """One frame with a valid checksum."""
 
     message_id: int
@@ -79,9 +79,9 @@ class Frame(NamedTuple):
     """Its content. MAVLink 2 omits zeros at the end."""
 
     @property
-    def source(self) -> Source:
+    def source(self) -> MessageSource:
         """Sender of the frame."""
-        return Source(self.system_id, self.component_id)
+        return MessageSource(self.system_id, self.component_id)
 
 
 class FrameReader:
@@ -112,7 +112,7 @@ class FrameReader:
         self._credit = float(LARGEST_CREDIT)
         self._budget = math.inf
         self._refilled_s: float | None = None
-        self._sources: dict[Address | None, _Source] = {}
+        self._sources: dict[Address | None, _FrameSource] = {}
 
     def refill(self, now_s: float) -> None:
         """Tells the time, for the limit on the work in a second; to be called before bytes are read."""
@@ -122,7 +122,7 @@ class FrameReader:
             self._budget = min(self._budget + WORK_PER_S * (now_s - self._refilled_s), WORK_PER_S * SAVED_S)
         self._refilled_s = now_s
 
-    def feed(self, data: bytes) -> list[Frame]:
+    def feed(self, data: bytes) -> list[MavlinkFrame]:
         """Returns the frames that end in the next piece of a stream."""
         source = self._sources.get(None)
         frames = self._scan(source.begun + data if source is not None else data, goes_on=True, is_stream=True)
@@ -130,7 +130,7 @@ class FrameReader:
             self._keep(source, None)
         return frames
 
-    def read(self, datagram: bytes, source: Address | None = None) -> list[Frame]:
+    def read(self, datagram: bytes, source: Address | None = None) -> list[MavlinkFrame]:
         """Returns the frames that end in a datagram of a source."""
         frame = _frame(datagram)
         if frame is not None:  # nearly always: one frame
@@ -140,7 +140,7 @@ class FrameReader:
             return self.read_beginning(datagram)
         return self._read_pieces(datagram, source)
 
-    def plain(self, datagram: bytes, source: Source) -> int:
+    def plain(self, datagram: bytes, source: MessageSource) -> int:
         """Takes a datagram that is one valid frame, of MAVLink 2, of a source, not signed: nearly each one is.
 
         Returns its message id times 256, plus its sequence number. -1 for any other datagram, which is not taken.
@@ -160,9 +160,9 @@ class FrameReader:
         found: int = message_id << 8 | sequence
         return found
 
-    def read_beginning(self, datagram: bytes) -> list[Frame]:
+    def read_beginning(self, datagram: bytes) -> list[MavlinkFrame]:
         """Returns the frames with which a datagram begins, without a search: for one that is likely not for us."""
-        frames: list[Frame] = []
+        frames: list[MavlinkFrame] = []
         at = 0
         while size := _whole_at(datagram, at):
             frame = _frame(datagram[at : at + size])
@@ -174,7 +174,7 @@ class FrameReader:
         self._is_in_garbage = False
         return frames
 
-    def give_up(self, before_s: float = math.inf) -> list[tuple[Address | None, list[Frame]]]:
+    def give_up(self, before_s: float = math.inf) -> list[tuple[Address | None, list[MavlinkFrame]]]:
         """Gives up what was begun and has not gone on since a time. Returns the frames within it, for each source."""
         late = [key for key, source in self._sources.items() if source.begun and source.heard_s < before_s]
         return [(key, self._give_up(self._sources[key])) for key in late]
@@ -186,18 +186,18 @@ class FrameReader:
         self._sources.clear()
         self._is_in_garbage = False
 
-    def _give_up(self, source: _Source) -> list[Frame]:
+    def _give_up(self, source: _FrameSource) -> list[MavlinkFrame]:
         begun, source.begun = source.begun, b""
         self._skip(1)
         frames = self._scan(begun[1:], goes_on=False)
         self._is_in_garbage = False
         return frames
 
-    def _read_pieces(self, datagram: bytes, key: Address | None) -> list[Frame]:
+    def _read_pieces(self, datagram: bytes, key: Address | None) -> list[MavlinkFrame]:
         """Returns the frames of a datagram that is not one frame."""
         source = self._sources.get(key) if self._sources else None
         begun = b"" if source is None else source.begun
-        frames: list[Frame] = []
+        frames: list[MavlinkFrame] = []
         if source is not None and begun and _begins_whole(datagram) and not _begins_whole(begun + datagram):
             frames, begun = self._give_up(source), b""
         # Its own credit: what another datagram contained, perhaps a stranger's, hides nothing in this one.
@@ -210,18 +210,18 @@ class FrameReader:
             self._keep(source, key)
         return frames
 
-    def _keep(self, source: _Source | None, key: Address | None) -> None:
+    def _keep(self, source: _FrameSource | None, key: Address | None) -> None:
         """Keeps the beginning of a frame that the last bytes of a source may be."""
         if source is None:
             if len(self._sources) >= MOST_SOURCES:
                 del self._sources[min(self._sources, key=lambda each: self._sources[each].heard_s)]
-            source = self._sources[key] = _Source()
+            source = self._sources[key] = _FrameSource()
         source.begun, source.credit = self._rest, self._credit
         source.heard_s = self._refilled_s or 0.0
 
-    def _scan(self, data: bytes, *, goes_on: bool, is_stream: bool = False) -> list[Frame]:
+    def _scan(self, data: bytes, *, goes_on: bool, is_stream: bool = False) -> list[MavlinkFrame]:
         """Returns the frames in some bytes. Where they go on, an incomplete one at the end becomes `_rest`."""
-        frames: list[Frame] = []
+        frames: list[MavlinkFrame] = []
         self._rest = b""
         begin = 0  # of the garbage that is not counted yet
         open_at: int | None = None
@@ -283,7 +283,7 @@ class FrameReader:
 
 
 @dataclass(slots=True)
-class _Source:
+class _FrameSource:
     """One who sends pieces of frames."""
 
     begun: bytes = b""
@@ -292,7 +292,7 @@ class _Source:
     heard_s: float = 0.0
 
 
-def split(datagram: bytes) -> tuple[list[Frame], int]:
+def split(datagram: bytes) -> tuple[list[MavlinkFrame], int]:
     """Returns the frames in a datagram, and how many bytes belong to none."""
     reader = FrameReader()
     frames = reader.read(datagram)
@@ -321,7 +321,7 @@ def pieces(datagram: bytes) -> list[Piece]:
     return found
 
 
-def piece_of(frame: Frame) -> Piece:
+def piece_of(frame: MavlinkFrame) -> Piece:
     """Returns a checked frame as a piece."""
     return Piece(frame.system_id, frame.message_id, frame.data)
 
@@ -359,14 +359,14 @@ def _size_at(data: bytes, at: int) -> int | None:
     return _HEADER_V2 + data[at + 1] + _CHECKSUM + (_SIGNATURE if data[at + 2] & _SIGNED else 0)
 
 
-def _frame(data: bytes) -> Frame | None:
+def _frame(data: bytes) -> MavlinkFrame | None:
     """Returns the one frame that these bytes are, or None."""
     if len(data) < _HEADER_V1 + _CHECKSUM or data[:1] not in _MAGICS:
         return None
     if data[0] == MAGIC_V1:
         message_id, end = data[5], _HEADER_V1 + data[1]
         if len(data) == end + _CHECKSUM and checksum.is_valid(message_id, data, end):
-            return Frame(message_id, data[3], data[4], data[2], False, data, data[_HEADER_V1:end])
+            return MavlinkFrame(message_id, data[3], data[4], data[2], False, data, data[_HEADER_V1:end])
         return None
     is_signed, end = bool(data[2] & _SIGNED), _HEADER_V2 + data[1]
     if data[2] & ~_SIGNED or len(data) != end + _CHECKSUM + _SIGNATURE * is_signed:
@@ -374,5 +374,5 @@ def _frame(data: bytes) -> Frame | None:
     message_id = data[7] | data[8] << 8 | data[9] << 16
     if checksum.is_valid(message_id, data, end):
         found = message_id, data[5], data[6], data[4], is_signed, data, data[_HEADER_V2:end]
-        return tuple.__new__(Frame, found)  # as `Frame(*found)` does, one call less
+        return tuple.__new__(MavlinkFrame, found)  # as `Frame(*found)` does, one call less
     return None

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeAlias
 from pymavlink.dialects.v20 import all as mavlink
 
 from ual_daemon.backends.mavlink.wire import checksum
-from ual_daemon.backends.mavlink.wire.frames import MAGIC_V2, Frame
+from ual_daemon.backends.mavlink.wire.frames import MAGIC_V2, MavlinkFrame
 from ual_daemon.backends.mavlink.wire.signing import Signer
 
 __all__ = [
@@ -140,7 +140,7 @@ class Codec:
         )  # fmt: skip
         return b"\xfd" + covered + checksum.crc(covered + _TARGET_SEED).to_bytes(2, "little")
 
-    def decode(self, frame: Frame) -> Message:
+    def decode(self, frame: MavlinkFrame) -> Message:
         """Returns the message in a frame; its signature is not checked.
 
         Raises:
@@ -173,7 +173,7 @@ class _Layout(NamedTuple):
     names: tuple[str, ...]
     arrays: tuple[tuple[str, int, int], ...]
 
-    def read(self, frame: Frame) -> Message:
+    def read(self, frame: MavlinkFrame) -> Message:
         """Returns the message as pymavlink decodes it, but without its bytes, and without repeating the checks of
         `frames`.
         """

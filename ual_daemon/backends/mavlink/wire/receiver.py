@@ -7,10 +7,10 @@ import math
 from collections.abc import Set as AbstractSet
 from typing import Protocol
 
-from ual_daemon.backends.mavlink.links import Address, Transport
-from ual_daemon.backends.mavlink.wire.frames import Frame, FrameReader, Source
+from ual_daemon.backends.mavlink.links import Address, MessageTransport
+from ual_daemon.backends.mavlink.wire.frames import FrameReader, MavlinkFrame, MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Codec, CorruptFrameError, Message, mavlink
-from ual_daemon.backends.mavlink.wire.signing import KEY_MISSING, Signer, Verdict
+from ual_daemon.backends.mavlink.wire.signing import KEY_MISSING, SignatureVerdict, Signer
 from ual_daemon.backends.mavlink.wire.untaken import Untaken
 
 _log = logging.getLogger(__name__)
@@ -36,7 +36,7 @@ class MessageHandler(Protocol):
         """The same, and those that are taken without being decoded (`EVENT_ID`). Each frame asks."""
 
     def on_message(
-        self, frame: Frame, message: Message | None, address: Address | None, now_s: float, utc_now_s: float
+        self, frame: MavlinkFrame, message: Message | None, address: Address | None, now_s: float, utc_now_s: float
     ) -> None:
         """Takes a checked frame, its content where that is decoded, and where it came from."""
 
@@ -47,27 +47,29 @@ class MessageHandler(Protocol):
 class Selector(Protocol):
     """Selects the autopilot whose messages are received."""
 
-    def is_wanted(self, source: Source, heartbeat: Message) -> bool:
+    def is_wanted(self, source: MessageSource, heartbeat: Message) -> bool:
         """Returns whether who sends a heartbeat may be selected at all."""
 
     def on_heartbeat(
-        self, source: Source, heartbeat: Message, address: Address | None, now_s: float
+        self, source: MessageSource, heartbeat: Message, address: Address | None, now_s: float
     ) -> MessageHandler | None:
         """Takes a wanted heartbeat while none is selected. Returns the handler that selects who sent it."""
 
     def is_stray(self, now_s: float) -> bool:
         """Returns whether the selected one was heard once, and then no more: another one may be selected instead."""
 
-    def on_other_heartbeat(self, source: Source, heartbeat: Message, address: Address | None, now_s: float) -> None:
+    def on_other_heartbeat(
+        self, source: MessageSource, heartbeat: Message, address: Address | None, now_s: float
+    ) -> None:
         """Takes note of any other heartbeat."""
 
-    def is_successor(self, source: Source, now_s: float) -> bool:
+    def is_successor(self, source: MessageSource, now_s: float) -> bool:
         """Returns whether who sends another heartbeat is the selected autopilot, which has got another system id."""
 
-    def is_component_wanted(self, frame: Frame) -> bool:
+    def is_component_wanted(self, frame: MavlinkFrame) -> bool:
         """Returns whether a frame of another component of the selected autopilot's system is worth decoding."""
 
-    def on_component(self, source: Source, message: Message, now_s: float, utc_now_s: float) -> None:
+    def on_component(self, source: MessageSource, message: Message, now_s: float, utc_now_s: float) -> None:
         """Takes a wanted message of such a component."""
 
 
@@ -84,7 +86,7 @@ class Receiver:
 
     def __init__(
         self,
-        link: Transport,
+        link: MessageTransport,
         codec: Codec,
         selector: Selector,
         signer: Signer | None = None,
@@ -98,7 +100,7 @@ class Receiver:
         self._is_stream = link.is_stream
         self._codec = codec
         self._selector = selector
-        self._source: Source | None = None
+        self._source: MessageSource | None = None
         self._signer = signer
         self._is_plain = signer is None and not link.is_stream
         self._handler: MessageHandler | None = None
@@ -166,7 +168,7 @@ class Receiver:
         message_id = plain >> 8
         try:
             ids = message_id, data[5], data[6], plain & 0xFF, False
-            frame = tuple.__new__(Frame, (*ids, data, data[10:-2]))  # as `Frame` does, one call less
+            frame = tuple.__new__(MavlinkFrame, (*ids, data, data[10:-2]))  # as `MavlinkFrame` does, one call less
             message = self._codec.decode(frame) if message_id in handler.decoded_ids else None
             self._peer_heard_s = now_s
             handler.on_message(frame, message, address, now_s, utc_now_s)
@@ -178,7 +180,7 @@ class Receiver:
 
     def _on_frames(
         self,
-        frames: list[Frame],
+        frames: list[MavlinkFrame],
         address: Address | None,
         now_s: float,
         utc_now_s: float,
@@ -196,7 +198,7 @@ class Receiver:
 
     def _on_frame(
         self,
-        frame: Frame,
+        frame: MavlinkFrame,
         address: Address | None,
         now_s: float,
         utc_now_s: float,
@@ -223,7 +225,9 @@ class Receiver:
         self._peer_heard_s = now_s
         handler.on_message(frame, message, address, now_s, utc_now_s)
 
-    def _on_other(self, frame: Frame, address: Address | None, now_s: float, utc_now_s: float) -> MessageHandler | None:
+    def _on_other(
+        self, frame: MavlinkFrame, address: Address | None, now_s: float, utc_now_s: float
+    ) -> MessageHandler | None:
         """Takes a frame of another than the selected one. Returns its handler where it is selected now."""
         if frame.message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
             if self._selector.is_stray(now_s) or self._selector.is_successor(frame.source, now_s):
@@ -234,12 +238,12 @@ class Receiver:
             self._on_component(frame, address, now_s, utc_now_s)
         return None
 
-    def _on_component(self, frame: Frame, address: Address | None, now_s: float, utc_now_s: float) -> None:
+    def _on_component(self, frame: MavlinkFrame, address: Address | None, now_s: float, utc_now_s: float) -> None:
         """Takes a frame of another component of our autopilot's system, once its signature is right."""
         if self._is_accepted(frame, address, now_s):
             self._selector.on_component(frame.source, self._codec.decode(frame), now_s, utc_now_s)
 
-    def _is_stranger(self, frame: Frame, address: Address | None, now_s: float) -> bool:
+    def _is_stranger(self, frame: MavlinkFrame, address: Address | None, now_s: float) -> bool:
         """Returns whether a frame of our autopilot comes from a host that is not our peer's, while that is heard."""
         peer = self._link.peer
         if address is None or peer is None or address[0] == peer[0] or self._signer is not None:
@@ -250,7 +254,7 @@ class Receiver:
         self._log_once(f"frames of system {frame.system_id} from another host than {peer[0]} are dropped")
         return True
 
-    def _select(self, frame: Frame, address: Address | None, now_s: float) -> MessageHandler | None:
+    def _select(self, frame: MavlinkFrame, address: Address | None, now_s: float) -> MessageHandler | None:
         """Offers the sender of a heartbeat to the selector, once its signature is right."""
         source = frame.source
         if frame.message_id != mavlink.MAVLINK_MSG_ID_HEARTBEAT:
@@ -269,20 +273,20 @@ class Receiver:
             self.untaken.forget(source)
         return handler
 
-    def _is_accepted(self, frame: Frame, address: Address | None, now_s: float) -> bool:
+    def _is_accepted(self, frame: MavlinkFrame, address: Address | None, now_s: float) -> bool:
         """Returns whether its signature is right, where one is required."""
         if self._signer is None:
             if frame.is_signed:
                 self._log_once(f"system {frame.system_id} {KEY_MISSING}")
             return True
         verdict = self._signer.check(frame)
-        if verdict is Verdict.GOOD:
+        if verdict is SignatureVerdict.GOOD:
             return True
         self.unsigned_count += 1
-        if verdict is Verdict.OLD and self._link.peer is None:
+        if verdict is SignatureVerdict.OLD and self._link.peer is None:
             # Its clock is behind ours. It follows the newest timestamp that it receives, so it must receive ours.
             self._link.answer_to(address)
-        if verdict is not Verdict.REPEATED:  # a message that comes twice, or late, is no reason for a warning
+        if verdict is not SignatureVerdict.REPEATED:  # a message that comes twice, or late, is no reason for a warning
             text = f"messages of system {frame.system_id} are dropped: {verdict.value}"
             self._log_once(text)
             self.untaken.note(("signature", frame.system_id), text, now_s)
@@ -298,7 +302,7 @@ class Receiver:
             _log.log(level, "%s", text, exc_info=has_traceback)
 
 
-def source_text(source: Source) -> str:
+def source_text(source: MessageSource) -> str:
     """Returns who sends, human-readable; component 1 is the autopilot's own, and goes without saying."""
     component = "" if source.component_id == mavlink.MAV_COMP_ID_AUTOPILOT1 else f", component {source.component_id}"
     return f"system {source.system_id}{component}"

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import threading
 
-from ual_daemon.backends.mavlink.links import Transport
+from ual_daemon.backends.mavlink.links import MessageTransport
 from ual_daemon.backends.mavlink.wire.messages import Codec, Message, VelocityTarget
 
 
 class Sender:
     """Encodes and sends messages. From any thread."""
 
-    def __init__(self, link: Transport, codec: Codec) -> None:
+    def __init__(self, link: MessageTransport, codec: Codec) -> None:
         self._link = link
         self._codec = codec
         self._lock = threading.Lock()

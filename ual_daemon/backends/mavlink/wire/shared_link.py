@@ -15,8 +15,8 @@ from typing_extensions import override
 from ual_daemon.backends.base import Clock
 from ual_daemon.backends.engine.limits import SILENT_S
 from ual_daemon.backends.engine.loop import OnceLog
-from ual_daemon.backends.mavlink.links.base import BATCH_BYTES, Address, Chunk, Link
-from ual_daemon.backends.mavlink.links.connection import Connection
+from ual_daemon.backends.mavlink.links.base import BATCH_BYTES, Address, Chunk, MavlinkLink
+from ual_daemon.backends.mavlink.links.connection import LinkConnection
 from ual_daemon.backends.mavlink.links.udp import cannot_send
 from ual_daemon.backends.mavlink.wire.frames import FrameReader, Piece, piece_of, pieces
 from ual_daemon.backends.mavlink.wire.receiver import INCOMPLETE_FRAME_S
@@ -38,25 +38,25 @@ class SharedLink:
     heartbeats of systems that no vehicle has go to all vehicles: one that does not hear its own says what it hears.
     """
 
-    def __init__(self, make: Callable[[], Link], url: str, clock: Clock) -> None:
+    def __init__(self, make: Callable[[], MavlinkLink], url: str, clock: Clock) -> None:
         self._make = make
         self._url = url
         self._clock = clock
         self._lock = threading.Lock()
         self._vehicles: dict[int, VehicleLink] = {}
-        self._reading: _Reading | None = None
+        self._reading: _LinkReading | None = None
 
     def vehicle(self, system_id: int) -> VehicleLink:
         """Returns the link to the vehicle with a system id, not open yet."""
         return VehicleLink(self, system_id)
 
-    def attach(self, link: VehicleLink) -> _Reading:
+    def attach(self, link: VehicleLink) -> _LinkReading:
         """Begins to read for a vehicle. Returns what reads."""
         with self._lock:
             self._vehicles[link.system_id] = link
             if self._reading is None:
-                connection = Connection(self._make(), self._url)
-                self._reading = _Reading(connection, self._clock, f"mavlink {self._url}")
+                connection = LinkConnection(self._make(), self._url)
+                self._reading = _LinkReading(connection, self._clock, f"mavlink {self._url}")
                 self._reading.vehicles = dict(self._vehicles)
                 self._reading.open()
             self._reading.vehicles = dict(self._vehicles)
@@ -75,10 +75,10 @@ class SharedLink:
                 reading.close()
 
 
-class _Reading:
+class _LinkReading:
     """The open link, and the thread that reads it. `vehicles` is replaced, never changed."""
 
-    def __init__(self, connection: Connection, clock: Clock, name: str) -> None:
+    def __init__(self, connection: LinkConnection, clock: Clock, name: str) -> None:
         self.connection = connection
         self.vehicles: Mapping[int, VehicleLink] = {}
         self._clock = clock
@@ -163,7 +163,7 @@ class _Ends(NamedTuple):
     write: int
 
 
-class VehicleLink(Link):
+class VehicleLink(MavlinkLink):
     """The part of a shared link that leads to one vehicle."""
 
     is_stream = False  # whole frames come, whatever the link is
@@ -174,7 +174,7 @@ class VehicleLink(Link):
         """Trouble of the shared link."""
         self._trouble = ""
         self._shared = shared
-        self._reading: _Reading | None = None
+        self._reading: _LinkReading | None = None
         self._peer: Address | None = None
         self._lock = threading.Lock()
         self._waiting: deque[Chunk] = deque()

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TypeAlias
 
 from ual_daemon.backends.mavlink.settings import SECTION
-from ual_daemon.backends.mavlink.wire.frames import Frame
+from ual_daemon.backends.mavlink.wire.frames import MavlinkFrame
 from ual_daemon.settings import ConfigError
 
 KEY = f"{SECTION}.signing_key_file"
@@ -99,7 +99,7 @@ _Sender: TypeAlias = tuple[int, int, int]
 """Link, system, component."""
 
 
-class Verdict(Enum):
+class SignatureVerdict(Enum):
     """The result of checking a signature; the value is human-readable."""
 
     GOOD = ""
@@ -138,29 +138,29 @@ class Signer:
         self._sent = max(self._sent + 1, self._received, self._now())
         return self._sent
 
-    def check(self, frame: Frame) -> Verdict:
+    def check(self, frame: MavlinkFrame) -> SignatureVerdict:
         """Checks a frame's signature. A frame is good only once."""
         if not frame.is_signed:
-            return Verdict.UNSIGNED
+            return SignatureVerdict.UNSIGNED
         signed, signature = frame.data[:-_HASH_SIZE], frame.data[-_HASH_SIZE:]
         if hashlib.sha256(self.key + signed).digest()[:_HASH_SIZE] != signature:
-            return Verdict.WRONG_KEY
+            return SignatureVerdict.WRONG_KEY
         timestamp = int.from_bytes(signed[-_TIMESTAMP_SIZE:], "little")
         sender = (signed[-_TIMESTAMP_SIZE - 1], frame.system_id, frame.component_id)
         newest = self._newest.get(sender)
         if newest is None:
             if timestamp < max(self._sent, self._received, self._now()) - OLDEST_S * _UNITS_PER_S:
-                return Verdict.OLD
+                return SignatureVerdict.OLD
             if timestamp <= self._forgotten:
-                return Verdict.REPEATED
+                return SignatureVerdict.REPEATED
             if not self._has_room():
-                return Verdict.CROWDED
+                return SignatureVerdict.CROWDED
         elif timestamp <= newest[0]:
-            return Verdict.REPEATED
+            return SignatureVerdict.REPEATED
         self._newest[sender] = timestamp, self._clock()
         self._newest.move_to_end(sender)
         self._received = max(self._received, timestamp)
-        return Verdict.GOOD
+        return SignatureVerdict.GOOD
 
     def _has_room(self) -> bool:
         """Returns whether one more sender can be remembered. Forgets the one heard least lately, if it has fallen

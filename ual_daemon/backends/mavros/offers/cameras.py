@@ -35,7 +35,7 @@ _ONE = (0.0, 0.0, 1.0)
 _NUMBER = 0
 
 
-class Means(NamedTuple):
+class CameraServices(NamedTuple):
     """Services of the backend that cameras need.
 
     Attributes:
@@ -70,7 +70,7 @@ class _ByDistance(NamedTuple):
 class AcknowledgedCamera(OfferedCamera):
     """A picture counts once the autopilot has acknowledged that it has triggered. `step` is for the link's thread."""
 
-    def __init__(self, order: Order, means: Means) -> None:
+    def __init__(self, order: Order, means: CameraServices) -> None:
         self._order = order
         self._means = means
         self._lock = threading.Lock()
@@ -152,7 +152,7 @@ class AcknowledgedCamera(OfferedCamera):
 class MavrosCameras(OfferedCameras):
     """The cameras of one backend: none, or that of the autopilot. `tick` and `trigger` are for the link's thread."""
 
-    def __init__(self, means: Means, *, is_there: bool) -> None:
+    def __init__(self, means: CameraServices, *, is_there: bool) -> None:
         self._means = means
         self._is_there = is_there
         self.trigger = TriggeredPhotos()

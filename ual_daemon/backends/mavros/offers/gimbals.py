@@ -20,12 +20,12 @@ from ual.gimbals import GimbalAngles, GimbalControl, GimbalInfo, GimbalReference
 from ual_daemon.backends import futures
 from ual_daemon.backends.engine.command import Command
 from ual_daemon.backends.firmwares.gimbal_codec import GimbalCodec
-from ual_daemon.backends.firmwares.gimbal_protocol import Identity
+from ual_daemon.backends.firmwares.gimbal_protocol import GimbalIdentity
 from ual_daemon.backends.firmwares.gripper_codec import PayloadOrder
 from ual_daemon.backends.mavros import commands, topics
-from ual_daemon.backends.mavros.commands import Call
-from ual_daemon.backends.mavros.offers.services import Reach
-from ual_daemon.backends.mavros.session import Session
+from ual_daemon.backends.mavros.commands import MavrosCall
+from ual_daemon.backends.mavros.offers.services import MavrosAccess
+from ual_daemon.backends.mavros.session import MavrosSession
 from ual_daemon.backends.offers.gimbals import FindableGimbal, GimbalAttitude
 from ual_daemon.backends.rosbridge import Message
 
@@ -36,7 +36,7 @@ AIM_LIMIT_S = 2.0
 QUIET_S = 0.3
 """Seconds for which an order waits after that: the acknowledgement of the one would be taken for that of the other."""
 _UNTOLD = "MAVROS does not tell where it looks"
-_NOTHING = Identity(frozenset(), None, None, None)
+_NOTHING = GimbalIdentity(frozenset(), None, None, None)
 
 
 class MavrosGimbal(FindableGimbal):
@@ -50,7 +50,10 @@ class MavrosGimbal(FindableGimbal):
     """
 
     def __init__(
-        self, reach: Reach, command: Callable[[str, Command[Call]], Future[None]], now_s: Callable[[], float]
+        self,
+        reach: MavrosAccess,
+        command: Callable[[str, Command[MavrosCall]], Future[None]],
+        now_s: Callable[[], float],
     ) -> None:
         self._reach = reach
         self._command = command
@@ -78,7 +81,7 @@ class MavrosGimbal(FindableGimbal):
             0,
             "gimbal of the autopilot",
             identity.abilities,
-            is_known and isinstance(self._reach.session_in_reach("turn its gimbal"), Session),
+            is_known and isinstance(self._reach.session_in_reach("turn its gimbal"), MavrosSession),
             "",
             identity.roll,
             identity.pitch,

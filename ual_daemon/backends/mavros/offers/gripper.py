@@ -14,8 +14,8 @@ from ual_daemon.backends.engine.loop import Posted
 from ual_daemon.backends.firmwares.gripper_codec import GRIPPER, SET_ACTUATOR, GripperCodec, PayloadOrder
 from ual_daemon.backends.firmwares.gripper_orders import OrderedGripper
 from ual_daemon.backends.mavros import commands
-from ual_daemon.backends.mavros.commands import Call
-from ual_daemon.backends.mavros.session import Session
+from ual_daemon.backends.mavros.commands import MavrosCall
+from ual_daemon.backends.mavros.session import MavrosSession
 
 _SAYS_NOTHING = "MAVROS does not pass on what the autopilot says of its {}"
 
@@ -34,8 +34,8 @@ class MavrosGripper(OrderedGripper):
 
     def __init__(
         self,
-        session: Callable[[], Session | None],
-        command: Callable[[str, Command[Call]], Future[None]],
+        session: Callable[[], MavrosSession | None],
+        command: Callable[[str, Command[MavrosCall]], Future[None]],
         post: Callable[[Posted], None],
     ) -> None:
         self._session = session
@@ -78,7 +78,7 @@ class MavrosGripper(OrderedGripper):
             raise NotSupportedError(f"UAL moves nothing that {autopilot.name} carries")
         return autopilot.gripper
 
-    def _known(self) -> Session:
+    def _known(self) -> MavrosSession:
         session = self._session()
         if session is None:
             raise LinkLostError("no autopilot is heard through MAVROS")

@@ -25,7 +25,7 @@ from ual_daemon.backends.firmwares.mission_items import Difference, MissionItem,
 from ual_daemon.backends.mavros import topics
 from ual_daemon.backends.mavros.missions import HeardList, MissionTopics, waypoint_of
 from ual_daemon.backends.mavros.offers.services import BUSY_S, Services
-from ual_daemon.backends.mavros.session import Session
+from ual_daemon.backends.mavros.session import MavrosSession
 from ual_daemon.backends.offers.parameters import Refusal, UndecidedError
 from ual_daemon.backends.rosbridge import Message
 
@@ -200,7 +200,7 @@ class _Replacement:
         return f"; it said: {session_of(self._services).telemetry.status_text}" if has_said else ""
 
 
-def session_of(services: Services) -> Session:
+def session_of(services: Services) -> MavrosSession:
     """Returns the session.
 
     Raises:

@@ -22,7 +22,7 @@ from ual_daemon.backends.mavros import topics
 from ual_daemon.backends.mavros.offers.services import BUSY_S, BusyError, Services
 from ual_daemon.backends.mavros.parameters import BOOL, DOUBLE, FIELDS, INTEGER
 from ual_daemon.backends.offers.parameters import AutopilotParameters, Refusal
-from ual_daemon.backends.rosbridge import Message, Ros
+from ual_daemon.backends.rosbridge import Message, RosGeneration
 from ual_daemon.backends.rosbridge.fields import number
 
 CALL_S = 3.0
@@ -249,7 +249,7 @@ class MavrosParameters(AutopilotParameters):
 
     @property
     def _is_ros2(self) -> bool:
-        return self._services.reach.ros() is Ros.ROS2
+        return self._services.reach.ros() is RosGeneration.ROS2
 
 
 def _known(found: Parameter | None, name: str, names: frozenset[str]) -> Parameter:

@@ -14,8 +14,8 @@ from ual.errors import LinkLostError, NotSupportedError, ResourceExhaustedError,
 from ual_daemon.backends import futures
 from ual_daemon.backends.chain import caught, pass_on, then_wait
 from ual_daemon.backends.engine.contained import defect
-from ual_daemon.backends.mavros.session import Session
-from ual_daemon.backends.rosbridge import Message, Ros
+from ual_daemon.backends.mavros.session import MavrosSession
+from ual_daemon.backends.rosbridge import Message, RosGeneration
 from ual_daemon.backends.rosbridge.calls import ServiceError, ServiceTimeoutError
 
 T = TypeVar("T")
@@ -27,7 +27,7 @@ BUSY_S = 1.0
 _MISSING, _BUSY = "does not exist", "responded with an error"
 
 
-class Reach(NamedTuple):
+class MavrosAccess(NamedTuple):
     """The way to MAVROS.
 
     Attributes:
@@ -40,11 +40,11 @@ class Reach(NamedTuple):
 
     """
 
-    session: Callable[[], Session | None]
-    session_in_reach: Callable[[str], Session | UalError]
+    session: Callable[[], MavrosSession | None]
+    session_in_reach: Callable[[str], MavrosSession | UalError]
     give_it: Callable[[str, Callable[[Future[Any]], None]], Future[Any]]
     call: Callable[[str, Message, float], Future[Message]]
-    ros: Callable[[], Ros | None]
+    ros: Callable[[], RosGeneration | None]
     node: Callable[[], str]
 
 
@@ -57,7 +57,7 @@ class _Job(NamedTuple):
 class Services:
     """Calls services, one job at a time. `give` is for any thread, the rest for the link's."""
 
-    def __init__(self, reach: Reach) -> None:
+    def __init__(self, reach: MavrosAccess) -> None:
         self.reach = reach
         self._waiting: deque[_Job] = deque()
         self._running: _Job | None = None

@@ -23,7 +23,7 @@ AGAIN_S = 1.0
 """Seconds after a refusal without a new attempt; corrections that come meanwhile count as not taken."""
 
 
-class Corrections:
+class CorrectionsRelay:
     """Streams what comes to the daemon of one UAV.
 
     Args:
@@ -104,6 +104,6 @@ class Corrections:
         self._came.clear()
 
 
-async def get_status(uav: ual.aio.Uav, corrections: Corrections) -> Fields:
+async def get_status(uav: ual.aio.Uav, corrections: CorrectionsRelay) -> Fields:
     """Returns a CorrectionsStatus, but for its header."""
     return {**corrections_status_fields(await uav.corrections.status()), **corrections.fields()}

@@ -14,24 +14,24 @@ from std_msgs.msg import UInt8MultiArray
 import ual
 from ual_ros2 import topics
 from ual_ros2.beside import simulation
-from ual_ros2.beside.corrections import Corrections
+from ual_ros2.beside.corrections import CorrectionsRelay
 from ual_ros2.beside.filling import Filling
-from ual_ros2.beside.services import Table
-from ual_ros2.beside.telling import Teller, topics_of
-from ual_ros2.command import Action, Command
+from ual_ros2.beside.services import ServiceTable
+from ual_ros2.beside.telling import TopicPublisher, topics_of
+from ual_ros2.command import ActionCommand, RosCommand
 from ual_ros2.messages import Entity, Message
 from ual_ros2.ros_time import RosTime
 from ual_ros2.services import LateService
-from ual_ros2.settings import Settings
+from ual_ros2.settings import NodeSettings
 
 CORRECTIONS = QoSProfile(depth=100, reliability=ReliabilityPolicy.RELIABLE)
 """Each message counts."""
 
-Serve = Callable[[Command, Message, float], Future[Message]]
+Serve = Callable[[RosCommand, Message, float], Future[Message]]
 """Takes the command, its request, and when that was sent (UTC; 0: not known)."""
 
 
-class Beside:
+class UavServices:
     """The services, topics and actions of one UAV beside flying.
 
     Args:
@@ -49,7 +49,7 @@ class Beside:
         self,
         node: Entity,
         loop: asyncio.AbstractEventLoop,
-        settings: Settings,
+        settings: NodeSettings,
         time: RosTime,
         uav: ual.aio.Uav,
         ns: str,
@@ -60,9 +60,9 @@ class Beside:
         self._prefix = f"/{ns}/ual"
         self._period_s = 1.0 / settings.slow_rate_hz
         self._serve = serve
-        self._corrections = Corrections(loop, uav)
-        self._table = Table(Filling(time), self._corrections, settings.log_directory)
-        self._tellers = [Teller(node, uav, ns, time, each) for each in topics_of(self._corrections)]
+        self._corrections = CorrectionsRelay(loop, uav)
+        self._table = ServiceTable(Filling(time), self._corrections, settings.log_directory)
+        self._tellers = [TopicPublisher(node, uav, ns, time, each) for each in topics_of(self._corrections)]
         self._services = [self._service(each) for each in self._table.services()]
         self._is_simulated = False
         self._incoming = node.create_subscription(
@@ -73,7 +73,7 @@ class Beside:
         )
 
     @property
-    def actions(self) -> Iterable[Action]:
+    def actions(self) -> Iterable[ActionCommand]:
         """The actions."""
         return self._table.actions()
 
@@ -96,5 +96,5 @@ class Beside:
             teller.destroy()
         self._node.destroy_subscription(self._incoming)
 
-    def _service(self, command: Command) -> LateService:
+    def _service(self, command: RosCommand) -> LateService:
         return LateService(self._node, command.kind, f"{self._prefix}/{command.name}", partial(self._serve, command))

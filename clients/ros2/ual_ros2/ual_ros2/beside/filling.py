@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from ual_ros2.beside.fields import Fields, Stamp
-from ual_ros2.command import Command, Serves, Service
+from ual_ros2.command import RosCommand, Serves, Service
 from ual_ros2.messages import Entity, Message
 from ual_ros2.ros_time import RosTime
 
@@ -36,10 +36,10 @@ class Filling:
 
         return told
 
-    def command(self, service: Service, call: Serves, **more: Any) -> Command:  # noqa: ANN401 (what else it has)
+    def command(self, service: Service, call: Serves, **more: Any) -> RosCommand:  # noqa: ANN401 (what else it has)
         """Returns the command of a service that follows from the contract."""
         told = self.told(service.kind.Response)
-        return Command(service.name, service.kind, call, service.frames_of, told, method=service.method, **more)
+        return RosCommand(service.name, service.kind, call, service.frames_of, told, method=service.method, **more)
 
     def _put(self, message: Message, name: str, value: object) -> None:
         if isinstance(value, Stamp):

@@ -16,7 +16,7 @@ from ual_ros2.messages import Message
 _NOWHERE = "this node writes no logs: start it with -p log_directory:=DIRECTORY"
 
 
-class Downloads:
+class LogDownloads:
     """Downloads logs into a directory.
 
     Args:

@@ -9,16 +9,16 @@ from ual_msgs import action
 
 import ual
 from ual_ros2.beside import cameras, corrections, equipment, fence, gimbals, logs, missions, simulation
-from ual_ros2.beside.corrections import Corrections
+from ual_ros2.beside.corrections import CorrectionsRelay
 from ual_ros2.beside.fields import Fields
 from ual_ros2.beside.filling import Filling
-from ual_ros2.command import Action, Command, Serves
+from ual_ros2.command import ActionCommand, RosCommand, Serves
 from ual_ros2.derived.calls import CALLS
 from ual_ros2.derived.services import SERVICES, SIMULATION
 from ual_ros2.messages import Message
 
 
-class Table:
+class ServiceTable:
     """All of one UAV.
 
     Args:
@@ -28,10 +28,10 @@ class Table:
 
     """
 
-    def __init__(self, filling: Filling, corrections: Corrections, log_directory: Path | None) -> None:
+    def __init__(self, filling: Filling, corrections: CorrectionsRelay, log_directory: Path | None) -> None:
         self._filling = filling
         self._corrections = corrections
-        self._downloads = logs.Downloads(log_directory)
+        self._downloads = logs.LogDownloads(log_directory)
         self._flights = missions.MissionFlights()
         self._calls: Mapping[str, Serves] = {
             **CALLS,
@@ -50,19 +50,19 @@ class Table:
             "upload_mission": missions.upload,
         }
 
-    def services(self) -> tuple[Command, ...]:
+    def services(self) -> tuple[RosCommand, ...]:
         """Returns the services that each UAV has."""
         return tuple(self._filling.command(each, self._calls[each.name]) for each in SERVICES)
 
-    def simulation(self) -> tuple[Command, ...]:
+    def simulation(self) -> tuple[RosCommand, ...]:
         """Returns the services that a simulated UAV has beside."""
         return tuple(self._filling.command(each, self._calls[each.name]) for each in SIMULATION)
 
-    def actions(self) -> tuple[Action, ...]:
+    def actions(self) -> tuple[ActionCommand, ...]:
         """Returns the actions."""
         fill = self._filling.filled
         return (
-            Action(
+            ActionCommand(
                 "fly_mission",
                 action.FlyMission,
                 self._flights.fly,
@@ -70,7 +70,7 @@ class Table:
                 method="StartMission",
                 also=lambda feedback, _: _put(fill, feedback, self._flights.progress_of(feedback.task_id)),
             ),
-            Action(
+            ActionCommand(
                 "download_log",
                 action.DownloadLog,
                 self._downloads.download,

@@ -13,7 +13,7 @@ import ual
 from ual.shared.ages import without_seconds
 from ual_ros2 import topics
 from ual_ros2.beside import cameras, corrections, equipment, gimbals
-from ual_ros2.beside.corrections import Corrections
+from ual_ros2.beside.corrections import CorrectionsRelay
 from ual_ros2.beside.fields import Fields
 from ual_ros2.beside.filling import Filling
 from ual_ros2.derived.values import mission_progress_fields
@@ -28,7 +28,7 @@ async def _nothing(_: ual.aio.Uav) -> None:
 
 
 @dataclass(frozen=True)
-class Topic:
+class UavTopic:
     """Messages of a topic, one after the other."""
 
     name: str
@@ -40,7 +40,7 @@ class Topic:
     """Called when it is heard anew."""
 
 
-def topics_of(corrections_in: Corrections) -> tuple[Topic, ...]:
+def topics_of(corrections_in: CorrectionsRelay) -> tuple[UavTopic, ...]:
     """Returns the topics of one UAV."""
     photos = cameras.Photos()
 
@@ -54,18 +54,18 @@ def topics_of(corrections_in: Corrections) -> tuple[Topic, ...]:
         return [await corrections.get_status(uav, corrections_in)]
 
     return (
-        Topic("gimbals", msg.GimbalStatus, gimbals.get_statuses, is_stamped_now=False),
-        Topic("photos", msg.Photo, photos.get_new, is_stamped_now=False, begin=photos.begin),
-        Topic("equipment", msg.Equipment, devices),
-        Topic("mission", msg.MissionProgress, mission),
-        Topic("corrections_status", msg.CorrectionsStatus, status),
+        UavTopic("gimbals", msg.GimbalStatus, gimbals.get_statuses, is_stamped_now=False),
+        UavTopic("photos", msg.Photo, photos.get_new, is_stamped_now=False, begin=photos.begin),
+        UavTopic("equipment", msg.Equipment, devices),
+        UavTopic("mission", msg.MissionProgress, mission),
+        UavTopic("corrections_status", msg.CorrectionsStatus, status),
     )
 
 
-class Teller:
+class TopicPublisher:
     """Publishes one topic of one UAV."""
 
-    def __init__(self, node: Entity, uav: ual.aio.Uav, ns: str, time: RosTime, topic: Topic) -> None:
+    def __init__(self, node: Entity, uav: ual.aio.Uav, ns: str, time: RosTime, topic: UavTopic) -> None:
         self._uav = uav
         self._ns = ns
         self._time = time

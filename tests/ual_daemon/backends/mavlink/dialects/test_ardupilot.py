@@ -16,7 +16,7 @@ from ual.types import Capability, GeoPoint, Limits
 from ual_daemon.backends.engine.limits import ANEW_S
 from ual_daemon.backends.firmwares.ardupilot import LONGEST_LEAD_S, velocity_lead
 from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.backends.values import (
     Control,
@@ -95,7 +95,7 @@ def test_what_is_no_multirotor_is_only_watched(kind: int, name: str) -> None:
 
 
 def test_a_velocity_setpoint_has_velocity_and_yaw_rate_only() -> None:
-    sent = COPTER.encode_setpoint(VelocitySetpoint(Vector3(1, 2, 3)), Source(3, 1), 0)
+    sent = COPTER.encode_setpoint(VelocitySetpoint(Vector3(1, 2, 3)), MessageSource(3, 1), 0)
     assert (sent.target_system, sent.coordinate_frame) == (3, mavlink.MAV_FRAME_LOCAL_NED)
     assert sent.type_mask == 0b010111000111  # the yaw rate counts: without it the nose turns into the way it flies
     assert (sent.vx, sent.vy, sent.vz, sent.yaw_rate) == (2, 1, -3, 0)
@@ -103,7 +103,7 @@ def test_a_velocity_setpoint_has_velocity_and_yaw_rate_only() -> None:
 
 def test_a_position_setpoint_has_all_but_the_acceleration_which_would_go_on_when_setpoints_end() -> None:
     sent = COPTER.encode_setpoint(
-        PositionSetpoint(Vector3(1, 2, 3), 0.0, Vector3(4, 5, 6), Vector3(7, 8, 9), 0.5), Source(1, 1), 0
+        PositionSetpoint(Vector3(1, 2, 3), 0.0, Vector3(4, 5, 6), Vector3(7, 8, 9), 0.5), MessageSource(1, 1), 0
     )
     assert sent.type_mask == 0b000111000000
     assert (sent.x, sent.y, sent.z, sent.vx, sent.vy, sent.vz) == (2, 1, -3, 5, 4, -6)
@@ -130,7 +130,7 @@ def test_the_velocity_leads_by_what_its_shaping_takes_for_the_acceleration() -> 
     led = lead(Vector3(3.0, 0.0, 1.0), Vector3(1.0, -1.0, 0.5))
     assert led == pytest.approx(Vector3(3.7, -0.7, 1.2))
     sent = COPTER.encode_setpoint(
-        PositionSetpoint(Vector3(), 0.0, Vector3(3, 0, 1), Vector3(1, -1, 0.5)), Source(1, 1), 0, SHAPING
+        PositionSetpoint(Vector3(), 0.0, Vector3(3, 0, 1), Vector3(1, -1, 0.5)), MessageSource(1, 1), 0, SHAPING
     )
     assert (sent.vx, sent.vy, sent.vz) == pytest.approx((-0.7, 3.7, -1.2))
 

@@ -14,7 +14,7 @@ from ual_daemon.backends.firmwares.px4 import ACCELERATION_SHARE
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.dialects.unknown import Unknown
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, TargetMessage, mavlink
 from ual_daemon.backends.values import Control, PositionSetpoint, Snapshot, VelocitySetpoint
 
@@ -53,7 +53,7 @@ def test_modes(main: int, sub: int, name: str, control: Control) -> None:
 
 def test_a_position_setpoint_carries_motion_and_heading_in_local_ned() -> None:
     setpoint = PositionSetpoint(Vector3(1, 2, 3), 0.0, Vector3(4, 5, 6), Vector3(7, 8, 9), yaw_rate_rad_s=0.5)
-    sent = PX4.encode_setpoint(setpoint, Source(7, 1), 1234)
+    sent = PX4.encode_setpoint(setpoint, MessageSource(7, 1), 1234)
     assert (sent.target_system, sent.target_component, sent.time_boot_ms) == (7, 1, 1234)
     assert sent.coordinate_frame == mavlink.MAV_FRAME_LOCAL_NED
     assert sent.type_mask == 0
@@ -64,7 +64,7 @@ def test_a_position_setpoint_carries_motion_and_heading_in_local_ned() -> None:
 
 
 def test_a_velocity_setpoint_carries_velocity_and_yaw_rate_only() -> None:
-    sent = PX4.encode_setpoint(VelocitySetpoint(Vector3(1, 2, 3), yaw_rate_rad_s=0.5), Source(1, 1), 0)
+    sent = PX4.encode_setpoint(VelocitySetpoint(Vector3(1, 2, 3), yaw_rate_rad_s=0.5), MessageSource(1, 1), 0)
     assert sent.type_mask == 0b010111000111
     assert (sent.vx, sent.vy, sent.vz, sent.yaw_rate) == (2, 1, -3, -0.5)
 
@@ -111,7 +111,7 @@ def test_limits_are_the_parameters_and_the_lowest_that_ship_until_they_are_read(
 
 def test_a_velocity_setpoint_with_an_acceleration_carries_that_too() -> None:
     setpoint = VelocitySetpoint(Vector3(1, 2, 3), 0.5, Vector3(0.1, 0.2, 0.3))
-    sent = PX4.encode_setpoint(setpoint, Source(1, 1), 0)
+    sent = PX4.encode_setpoint(setpoint, MessageSource(1, 1), 0)
     assert sent.type_mask == 0b010000000111
     assert (sent.vx, sent.vy, sent.vz) == (2.0, 1.0, -3.0)
     assert (sent.afx, sent.afy, sent.afz) == (0.2, 0.1, -0.3)
@@ -187,7 +187,7 @@ def test_an_unknown_autopilot_is_heard_but_not_flown() -> None:
         lambda dialect: dialect.land(),
         lambda dialect: dialect.take_control(),
         lambda dialect: dialect.hold(),
-        lambda dialect: dialect.encode_setpoint(VelocitySetpoint(Vector3()), Source(1, 1), 0),
+        lambda dialect: dialect.encode_setpoint(VelocitySetpoint(Vector3()), MessageSource(1, 1), 0),
     ],
 )
 def test_flying_an_unknown_autopilot_is_not_supported(fly: Callable[[Dialect], object]) -> None:

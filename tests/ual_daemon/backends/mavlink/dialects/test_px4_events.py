@@ -7,7 +7,7 @@ from tests.ual_daemon.backends.mavlink.traces import load
 from ual_daemon.backends.firmwares.px4_events import event_id
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.wire import checksum
-from ual_daemon.backends.mavlink.wire.frames import Frame, split
+from ual_daemon.backends.mavlink.wire.frames import MavlinkFrame, split
 from ual_daemon.backends.mavlink.wire.messages import EVENT_ID, mavlink
 
 LOITER, LOITER_NAME = 4 << 16 | 3 << 24, "AUTO.LOITER"
@@ -30,7 +30,7 @@ def event(name: str, *, levels: int = ERROR, modes: int = 0, sequence: int = 1, 
     return data
 
 
-def frame(data: bytes) -> Frame:
+def frame(data: bytes) -> MavlinkFrame:
     ((found,), garbage_count) = split(data)
     assert not garbage_count
     return found

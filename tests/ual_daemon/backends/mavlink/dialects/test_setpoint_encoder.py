@@ -14,12 +14,12 @@ from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.dialects.setpoint_encoder import SetpointEncoder
 from ual_daemon.backends.mavlink.dialects.unknown import Unknown
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Codec, mavlink
 from ual_daemon.backends.mavlink.wire.signing import Signer
 from ual_daemon.backends.values import PositionSetpoint, VelocitySetpoint
 
-TARGET = Source(7, 1)
+TARGET = MessageSource(7, 1)
 
 
 @pytest.mark.parametrize("has_key", [False, True])

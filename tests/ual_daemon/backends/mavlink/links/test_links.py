@@ -23,7 +23,7 @@ from tests.ports import free_port
 from tests.ual_daemon.backends.mavlink.endless_link import EndlessLink
 from tests.waiting import until
 from ual_daemon.backends.hosts import Host
-from ual_daemon.backends.mavlink.links import Connection, make_link
+from ual_daemon.backends.mavlink.links import LinkConnection, make_link
 from ual_daemon.backends.mavlink.links.base import BATCH_BYTES, Chunk, LinkError
 from ual_daemon.backends.mavlink.links.connection import LONGEST_PAUSE_S, SILENCE_S
 from ual_daemon.backends.mavlink.links.endpoints import Endpoint, SerialEndpoint, parse_url
@@ -49,7 +49,7 @@ class Run:
     def __init__(self, url: str, endpoint: Endpoint | None = None) -> None:
         self.now_s = 0.0
         self.got = b""
-        self.connection = Connection(make_link(endpoint or parse_url(url)), url)
+        self.connection = LinkConnection(make_link(endpoint or parse_url(url)), url)
 
     def step(self, passed_s: float = 0.0) -> bytes:
         """One step of the thread that receives. Returns what came."""
@@ -529,7 +529,7 @@ def test_a_line_that_nobody_reads_holds_nothing_up_and_sends_whole_frames(line: 
 def test_what_cannot_be_opened_as_a_line_is_told(tmp_path: Path) -> None:
     path = tmp_path / "file"
     path.write_bytes(b"")
-    connection = Connection(make_link(SerialEndpoint(str(path), 57600)), "serial")
+    connection = LinkConnection(make_link(SerialEndpoint(str(path), 57600)), "serial")
     with contextlib.closing(connection):
         connection.tick(0.0)
         assert connection.trouble.startswith(f"cannot open {path}: ")
@@ -602,7 +602,7 @@ class Endless(EndlessLink):
 
 def test_discarding_what_has_arrived_ends_though_there_is_always_more() -> None:
     link = Endless()
-    with contextlib.closing(Connection(link, "test")) as connection:
+    with contextlib.closing(LinkConnection(link, "test")) as connection:
         connection.discard(0.0)
         assert 100 < link.batches_count <= 1000
 

@@ -15,7 +15,7 @@ from ual.errors import UalError
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.protocols.ftp import Ftp, Steps
 from ual_daemon.backends.mavlink.protocols.log_transfers import LogTransfers
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
 T = TypeVar("T")
@@ -53,7 +53,7 @@ class Served:
         self._server = self.store.handlers()
         self._sender = Sender(cast("Channel", _Down(self._down)), *HERE)
         for each in (self.ftp, self.logs):
-            each.attach(Source(1, 1), Px4())
+            each.attach(MessageSource(1, 1), Px4())
 
     def step(self) -> None:
         """A hundredth of a second passes."""

@@ -11,8 +11,8 @@ from ual.geometry import Pose
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.protocols.camera_exchanges import OLDER_REQUESTS
 from ual_daemon.backends.mavlink.protocols.camera_link import CameraLink
-from ual_daemon.backends.mavlink.protocols.cameras import Cameras
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.protocols.cameras import CameraProtocol
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.offers.cameras import Viewpoint
 
@@ -30,7 +30,7 @@ FLAGS = (
 )
 
 
-STRAY = Source(7, 103)
+STRAY = MessageSource(7, 103)
 """Of this component one message comes, and no answer."""
 
 
@@ -182,15 +182,15 @@ class Bench:
         self.loss = loss
         self.place = Pose.at(0.0, 0.0, 10.0)
         self._random = random.Random(seed)
-        self._source = Source(7, component_id)
+        self._source = MessageSource(7, component_id)
         self._to_us: list[Message] = []
         self._to_camera: list[Message] = []
         self.sent: list[Message] = []
         self.camera = SimulatedCamera(self._to_us.append)
         self.may_be_flying = False
-        self.cameras = Cameras(self._to_camera.append, lambda: self.may_be_flying)
+        self.cameras = CameraProtocol(self._to_camera.append, lambda: self.may_be_flying)
         self.cameras.look = lambda: Viewpoint(self.place, 3)
-        self.cameras.attach(Source(7, 1), Px4())
+        self.cameras.attach(MessageSource(7, 1), Px4())
         self._next_heartbeat_s = 0.0
 
     def run(self, duration_s: float) -> None:

@@ -14,16 +14,16 @@ from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
 from ual_daemon.backends.mavlink.dialects.command_long import LongCommand
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.protocols.gimbal_link import GimbalLink
-from ual_daemon.backends.mavlink.protocols.gimbals import Gimbals, Means
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.protocols.gimbals import GimbalProtocol, GimbalServices
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
 T = TypeVar("T")
 
 STEP_S = 0.05
 ACCEPTED, DENIED, BUSY = mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_DENIED, mavlink.MAV_RESULT_IN_PROGRESS
-OURS = Source(7, 191)
-AUTOPILOT, OWN = Source(7, 1), Source(7, 154)
+OURS = MessageSource(7, 191)
+AUTOPILOT, OWN = MessageSource(7, 1), MessageSource(7, 154)
 CAPABILITIES = (
     mavlink.GIMBAL_MANAGER_CAP_FLAGS_HAS_RETRACT
     | mavlink.GIMBAL_MANAGER_CAP_FLAGS_HAS_NEUTRAL
@@ -39,7 +39,7 @@ CAPABILITIES = (
 class SimulatedManager:
     """Does as mavlink.io/en/services/gimbal_v2.html says, but for what a test changes."""
 
-    def __init__(self, source: Source, send: Callable[[Source, Message], None]) -> None:
+    def __init__(self, source: MessageSource, send: Callable[[MessageSource, Message], None]) -> None:
         self._source = source
         self._send = send
         self.is_there = True
@@ -130,21 +130,21 @@ class Bench:
     """The protocol with one manager. Messages pass with each step, unless they are lost."""
 
     def __init__(
-        self, source: Source = OWN, dialect: Dialect | None = None, *, loss: float = 0.0, seed: int = 1
+        self, source: MessageSource = OWN, dialect: Dialect | None = None, *, loss: float = 0.0, seed: int = 1
     ) -> None:
         self.now_s = 1000.0
         self._random = random.Random(seed)
         self._loss = loss
-        self._to_us: list[tuple[Source, Message]] = []
+        self._to_us: list[tuple[MessageSource, Message]] = []
         self._to_it: list[Any] = []
         self.requests: list[LongCommand] = []
         self.source = source
         self.manager = SimulatedManager(source, lambda who, message: self._to_us.append((who, message)))
         self.is_flying = False
-        means = Means(
+        means = GimbalServices(
             self._to_it.append, self._to_it.append, self._submit, lambda: OURS, lambda: True, lambda: self.is_flying
         )
-        self.gimbals = Gimbals(means)
+        self.gimbals = GimbalProtocol(means)
         self.gimbals.attach(AUTOPILOT, ArduCopter() if dialect is None else dialect)
 
     def _submit(self, command: LongCommand, now_s: float) -> None:
@@ -165,7 +165,7 @@ class Bench:
             for who, message in self._passing(self._to_us):
                 self.receive(who, message)
 
-    def receive(self, who: Source, message: Message) -> None:
+    def receive(self, who: MessageSource, message: Message) -> None:
         """Gives us a message of a component, or of the autopilot."""
         if who != AUTOPILOT:
             self.gimbals.on_component(who, message, self.now_s)

@@ -18,7 +18,7 @@ from ual_daemon.backends.firmwares.triggered_photos import REPORT_S
 from ual_daemon.backends.futures import OpenFutures
 from ual_daemon.backends.mavlink.dialects.command_long import LongCommand
 from ual_daemon.backends.mavlink.offers.cameras import trigger_order
-from ual_daemon.backends.mavlink.protocols.camera_trigger import CameraTrigger
+from ual_daemon.backends.mavlink.protocols.camera_trigger import AutopilotCameraTrigger
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.backends.offers.cameras import TakenPhoto, Viewpoint
 
@@ -30,7 +30,7 @@ class Bench:
     """A camera of the autopilot, and what it was ordered."""
 
     def __init__(self) -> None:
-        self.trigger = CameraTrigger()
+        self.trigger = AutopilotCameraTrigger()
         self.trigger.look = lambda: Viewpoint(Pose.at(1.0, 2.0, 3.0), 4)
         self.trigger.utc_s = lambda: 1.9e9
         self.ordered: list[LongCommand] = []

@@ -22,7 +22,7 @@ from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.protocols import camera_link
 from ual_daemon.backends.mavlink.protocols.camera_photos import MOST_MISSING, TRIES_COUNT, ReportedPhotos
 from ual_daemon.backends.mavlink.protocols.cameras import MESSAGE_IDS
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Codec, mavlink
 from ual_daemon.backends.mavlink.wire.signing import Signer
 
@@ -55,9 +55,9 @@ def test_one_that_does_not_say_what_it_is_can_do_nothing_and_is_asked_less_and_l
 def test_what_is_no_camera_is_not_taken_for_one() -> None:
     bench = Bench()
     gimbal = decoded(mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GIMBAL, 8, 0, 0, 0, 3))
-    bench.cameras.on_component(Source(7, 100), gimbal, 1.0, 2.0)
+    bench.cameras.on_component(MessageSource(7, 100), gimbal, 1.0, 2.0)
     captured = decoded(mavlink.MAVLink_camera_capture_status_message(0, 0, 0, 0.0, 0, 0.0, 5))
-    bench.cameras.on_component(Source(7, 101), captured, 1.0, 2.0)
+    bench.cameras.on_component(MessageSource(7, 101), captured, 1.0, 2.0)
     assert bench.cameras.found == ()
 
 
@@ -275,7 +275,7 @@ def test_the_charge_of_its_battery_is_told_where_it_says_it() -> None:
     def say(battery_id: int, percent: int) -> float | None:
         cells = [0xFFFF] * 10
         said = mavlink.MAVLink_battery_status_message(battery_id, 0, 0, 0, cells, -1, -1, -1, percent)
-        bench.cameras.on_component(Source(7, mavlink.MAV_COMP_ID_CAMERA), decoded(said), bench.now_s, 1.9e9)
+        bench.cameras.on_component(MessageSource(7, mavlink.MAV_COMP_ID_CAMERA), decoded(said), bench.now_s, 1.9e9)
         return link.status().battery_percent
 
     assert link.status().battery_percent is None
@@ -370,13 +370,13 @@ def test_another_vehicle_has_other_cameras() -> None:
     link = bench.found()
     waiting: Future[None] = Future()
     link.order(VIDEO, (), waiting)
-    bench.cameras.attach(Source(8, 1), Px4())
+    bench.cameras.attach(MessageSource(8, 1), Px4())
     with pytest.raises(LinkLostError, match="another autopilot was found"):
         waiting.result(0)
     heartbeat = decoded(mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_CAMERA, 8, 0, 0, 0, 3))
-    bench.cameras.on_component(Source(8, 100), heartbeat, bench.now_s, 1.9e9)
+    bench.cameras.on_component(MessageSource(8, 100), heartbeat, bench.now_s, 1.9e9)
     assert [each.number for each in bench.cameras.found] == [0]  # one message finds none
-    bench.cameras.on_component(Source(8, 100), heartbeat, bench.now_s + 1.0, 1.9e9)
+    bench.cameras.on_component(MessageSource(8, 100), heartbeat, bench.now_s + 1.0, 1.9e9)
     assert [each.number for each in bench.cameras.found] == [0, 1]
 
 

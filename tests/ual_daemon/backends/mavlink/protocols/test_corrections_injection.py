@@ -23,7 +23,7 @@ from ual_daemon.backends.mavlink.protocols.corrections_injection import (
     CorrectionsInjection,
     pieces,
 )
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.offers.corrections import MOST_WAITING_BYTES
 from ual_daemon.services.rtcm import RtcmFramer
@@ -38,7 +38,7 @@ class Bench:
         self.receiver = SatelliteReceiver()
         self.others: list[Any] = []
         self.injection = CorrectionsInjection(self._send, lambda _: self.is_up, lambda: self.has_room)
-        self.injection.attach(Source(7, 1), dialect or Px4())
+        self.injection.attach(MessageSource(7, 1), dialect or Px4())
 
     def tick(self, count: int = 1, every_s: float = PACE_S) -> None:
         for _ in range(count):
@@ -225,7 +225,7 @@ def test_six_hours_keep_memory_flat_and_no_setpoint_waits_for_more_than_the_piec
     """A base of 1 kB/s, a slow line. A setpoint that comes while a piece leaves waits for that, and for no second."""
     line, framer = SlowLine(), RtcmFramer()
     injection = CorrectionsInjection(line.send, lambda _: True, lambda: line.unsent == 0.0)
-    injection.attach(Source(1, 1), Px4())
+    injection.attach(MessageSource(1, 1), Px4())
     of_a_second = b"".join(messages([250, 150, 200, 60, 340]))
     blocks, now_s = [], 0.0
     for _ in range(HOURS):

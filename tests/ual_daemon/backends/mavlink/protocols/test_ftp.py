@@ -19,10 +19,10 @@ from ual.errors import (
     UalTimeoutError,
 )
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
-from ual_daemon.backends.mavlink.protocols.ftp import IDLE_S, MOST_WAITING, Entry, Steps
+from ual_daemon.backends.mavlink.protocols.ftp import IDLE_S, MOST_WAITING, DirectoryEntry, Steps
 from ual_daemon.backends.mavlink.protocols.ftp_packet import BLOCK, FtpNakError, FtpPacket, Nak, Opcode, decode
 from ual_daemon.backends.mavlink.protocols.ftp_steps import GENTLE_BYTES_S, GIVE_UP_S, MOST_BLOCKS, TRIES_COUNT, WINDOW
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 FUZZ_COUNT = int(os.environ.get("UAL_TEST_FUZZ", "10000"))
@@ -53,7 +53,7 @@ def test_a_directory_is_listed_over_several_answers(served: Served) -> None:
     names = [f"a_long_name_of_a_file_{number:03}.ulg" for number in range(40)]
     served.store.files = {f"/log/{name}": bytes(len(name)) for name in names} | {"/log/sub/x.ulg": b"x"}
     found = served.done(served.ftp.list_directory("/log"))
-    assert sorted(found) == sorted([*(Entry(name, len(name)) for name in names), Entry("sub", None)])
+    assert sorted(found) == sorted([*(DirectoryEntry(name, len(name)) for name in names), DirectoryEntry("sub", None)])
 
 
 def test_a_directory_that_is_not_there_is_refused_in_words(served: Served) -> None:
@@ -234,7 +234,7 @@ def test_a_boot_ends_what_is_under_way_and_forgets_the_file(served: Served) -> N
     assert isinstance(error_of(future), LinkLostError)
     served.store._path = None
     assert served.done(served.ftp.read(LOG, 0, 10)) == content(100_000)[:10]
-    served.ftp.attach(Source(2, 1), Px4())
+    served.ftp.attach(MessageSource(2, 1), Px4())
 
 
 def test_what_is_given_up_lets_the_next_one_begin(served: Served) -> None:
@@ -254,7 +254,7 @@ def test_a_defect_of_one_exchange_ends_that_one_only(served: Served) -> None:
     served.store.files = {"/log/a.ulg": b"a"}
     with pytest.raises(ZeroDivisionError):
         served.done(defective())
-    assert served.done(served.ftp.list_directory("/log")) == [Entry("a.ulg", 1)]
+    assert served.done(served.ftp.list_directory("/log")) == [DirectoryEntry("a.ulg", 1)]
 
 
 def test_too_many_do_not_wait(served: Served) -> None:
@@ -269,7 +269,7 @@ def test_names_that_no_file_should_have_are_left_out() -> None:
     served = Served()
     names = ["good.ulg", "bad\x01.ulg", "tab\tname\t7", ".."]
     served.store.files = {f"/log/{name}": b"x" for name in names}
-    assert served.done(served.ftp.list_directory("/log")) == [Entry("good.ulg", 1)]
+    assert served.done(served.ftp.list_directory("/log")) == [DirectoryEntry("good.ulg", 1)]
 
 
 def test_a_directory_without_an_end_is_refused() -> None:

@@ -33,13 +33,13 @@ from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.offers.lists import MavlinkLists, fence_of, missions_of
 from ual_daemon.backends.mavlink.offers.parameters import MavlinkParameters
-from ual_daemon.backends.mavlink.offers.reach import Reach
+from ual_daemon.backends.mavlink.offers.reach import ProtocolAccess
 from ual_daemon.backends.mavlink.protocols.cameras import MESSAGE_IDS
 from ual_daemon.backends.mavlink.protocols.mission_exchange import LONGEST_S
 from ual_daemon.backends.mavlink.protocols.mission_line import item_of
-from ual_daemon.backends.mavlink.protocols.mission_progress import MissionProgress
+from ual_daemon.backends.mavlink.protocols.mission_progress import MissionProgressProtocol
 from ual_daemon.backends.mavlink.protocols.mission_transfers import MissionTransfers
-from ual_daemon.backends.mavlink.wire.frames import Frame, Source, split
+from ual_daemon.backends.mavlink.wire.frames import MavlinkFrame, MessageSource, split
 from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
 
 FUZZ_COUNT = int(os.environ.get("UAL_TEST_FUZZ", "4000"))
@@ -66,7 +66,7 @@ class Invented:
         self._noise = noise
         self._codec = codec(1, 1)
 
-    def of(self, message_id: int, source: Source) -> Any:
+    def of(self, message_id: int, source: MessageSource) -> Any:
         """Returns a message of a kind; all its bytes may be anything."""
         kind = mavlink.mavlink_map[message_id]
         size = kind.unpacker.size
@@ -103,9 +103,9 @@ class FuzzedLink(BadLink):
         super().__init__(store(kind), seed, loss=0.05)
         self.dialect: Dialect = Px4() if kind == "px4" else ArduCopter()
         self.transfers = MissionTransfers(self._ours_sends, lambda _: True)
-        self.progress = MissionProgress(self._ours_sends, lambda _: True)
+        self.progress = MissionProgressProtocol(self._ours_sends, lambda _: True)
         for each in (self.transfers, self.progress):
-            each.attach(Source(7, 1), self.dialect)
+            each.attach(MessageSource(7, 1), self.dialect)
         self.arrived_count = 0
         self.items: set[tuple[int, int, str]] = set()
         """The list, the number and the content of each item that has come."""
@@ -133,14 +133,14 @@ class FuzzedLink(BadLink):
         for message in self._spoilt(frame):
             self._take(message)
 
-    def _spoilt(self, frame: Frame) -> list[Any]:
+    def _spoilt(self, frame: MavlinkFrame) -> list[Any]:
         dice = self.noise.random()
         if dice >= self._share:
             return [self._up.decode(frame)]
         if dice < self._share / 4.0:
             return []
         if dice < self._share / 2.0:
-            return [self._invented.of(self.noise.choice(KINDS), Source(7, 1))]
+            return [self._invented.of(self.noise.choice(KINDS), MessageSource(7, 1))]
         return [self._up.decode(frame), self._invented.received(self._theirs.encode(self._likely()))]
 
     def _likely(self) -> Message:
@@ -176,7 +176,7 @@ class FuzzedLink(BadLink):
 
 
 class FuzzedReach:
-    """As `Reach`, in one thread. Keeps what each list was that was believed."""
+    """As `ProtocolAccess`, in one thread. Keeps what each list was that was believed."""
 
     def __init__(self, link: FuzzedLink) -> None:
         self._link = link
@@ -213,7 +213,7 @@ def ended(link: FuzzedLink, futures: list[Future[Any]]) -> list[Any]:
 def test_whatever_is_answered_no_list_is_believed_that_did_not_come(kind: str) -> None:
     link = FuzzedLink(kind, seed=len(kind), share=0.3)
     reach = FuzzedReach(link)
-    to_link = cast("Reach", reach)
+    to_link = cast("ProtocolAccess", reach)
     lists = MavlinkLists(to_link)
     missions = missions_of(to_link, lists, MavlinkParameters(to_link), Future, lambda: GeoPoint(47.0, 8.0, 500.0))
     fence = fence_of(to_link, lists)
@@ -259,14 +259,14 @@ class FuzzedCamera(Bench):
         self.noise = random.Random(seed)
         self.arrived_count = 0
         self._invented = Invented(self.noise)
-        self._source_of_all = Source(7, mavlink.MAV_COMP_ID_CAMERA)
+        self._source_of_all = MessageSource(7, mavlink.MAV_COMP_ID_CAMERA)
 
     def step(self) -> None:
         super().step()
         for message_id, handler in self.cameras.handlers.items():  # of the camera that the autopilot triggers
             if self.noise.random() < 0.05:
                 self.arrived_count += 1
-                handler(self._invented.of(message_id, Source(7, 1)), self.now_s)
+                handler(self._invented.of(message_id, MessageSource(7, 1)), self.now_s)
         if self.noise.random() < 0.3:
             message = self._invented.of(self.noise.choice(sorted(MESSAGE_IDS)), self._source_of_all)
             self.arrived_count += 1

@@ -30,7 +30,7 @@ from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.protocols import gimbal_values
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
 BODY, HORIZON, EARTH = GimbalReference.BODY, GimbalReference.HORIZON, GimbalReference.EARTH
@@ -47,8 +47,8 @@ DOWN = GimbalAngles(0.0, 0.4, 0.2)
 
 
 @pytest.mark.parametrize("dialect", [Px4(), ArduCopter()], ids=["px4", "ardupilot"])
-@pytest.mark.parametrize("source", [AUTOPILOT, OWN, Source(7, 191 + 1)])
-def test_it_is_found_wherever_its_manager_is(source: Source, dialect: Dialect) -> None:
+@pytest.mark.parametrize("source", [AUTOPILOT, OWN, MessageSource(7, 191 + 1)])
+def test_it_is_found_wherever_its_manager_is(source: MessageSource, dialect: Dialect) -> None:
     bench = Bench(source, dialect)
     link = bench.found()
     info = link.info(bench.now_s)
@@ -84,7 +84,7 @@ def test_one_that_has_none_is_asked_three_times() -> None:
 
 def test_a_camera_with_a_gimbal_is_found_by_its_status() -> None:
     """Cameras are not asked, as they would take the refusal for one of their own requests."""
-    bench = Bench(Source(7, 100))
+    bench = Bench(MessageSource(7, 100))
     bench.step(20.0)
     assert bench.gimbals.found == ()
     bench.manager.streamed[mavlink.MAVLINK_MSG_ID_GIMBAL_MANAGER_STATUS] = 1.0
@@ -499,7 +499,7 @@ def test_answers_that_no_gimbal_gives_crash_nothing_and_each_order_ends() -> Non
     link = bench.found()
     ordered: list[Future[None]] = []
     for i in range(4000):
-        bench.receive(chance.choice((OWN, AUTOPILOT, Source(7, 100))), message())
+        bench.receive(chance.choice((OWN, AUTOPILOT, MessageSource(7, 100))), message())
         if i % 100 == 0:
             ordered.append(Future())
             link.turn(DOWN, HORIZON, ordered[-1])
@@ -536,7 +536,7 @@ def information(device_id: int = 1) -> Message:
 
 
 @pytest.mark.parametrize("source", [AUTOPILOT, OWN])
-def test_one_message_changes_no_gimbal_and_finds_none(source: Source) -> None:
+def test_one_message_changes_no_gimbal_and_finds_none(source: MessageSource) -> None:
     bench = Bench(source)
     link = bench.found()
     info = link.info(bench.now_s)

@@ -12,8 +12,13 @@ from hypothesis import strategies as st
 from ual.errors import LinkLostError, UalError, UalTimeoutError, WrongStateError
 from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
-from ual_daemon.backends.mavlink.protocols.mission_progress import RETRY_S, TRIES_COUNT, Heard, MissionProgress
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.protocols.mission_progress import (
+    RETRY_S,
+    TRIES_COUNT,
+    MissionNews,
+    MissionProgressProtocol,
+)
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.offers.parameters import UndecidedError
 
@@ -30,8 +35,8 @@ class Bench:
         self.now_s = 100.0
         self.is_up = True
         self.refusal: UalError | None = None
-        self.progress = MissionProgress(self.sent.append, lambda _: self.is_up)
-        self.progress.attach(Source(7, 1), Px4())
+        self.progress = MissionProgressProtocol(self.sent.append, lambda _: self.is_up)
+        self.progress.attach(MessageSource(7, 1), Px4())
 
     @property
     def changes(self) -> tuple[int, int]:
@@ -66,7 +71,7 @@ class Bench:
 
 def test_a_text_and_the_number_of_items_tell_a_change_of_the_mission() -> None:
     bench = Bench()
-    bench.progress.attach(Source(7, 1), ArduCopter())
+    bench.progress.attach(MessageSource(7, 1), ArduCopter())
     bench.current(3, mission_id=0)
     told = [bench.changes]
     for text in (b"Mission: 3 WP", b"Auto mission changed, restarted command"):
@@ -87,11 +92,11 @@ def test_the_newest_word_on_the_mission_is_kept() -> None:
     bench.current(3)
     bench.now_s += 1.0
     bench.reached(3)
-    assert bench.progress.heard == Heard(ACTIVE, 3, 100.0, 5, 3, 101.0, 9)
+    assert bench.progress.heard == MissionNews(ACTIVE, 3, 100.0, 5, 3, 101.0, 9)
     bench.current(4)
-    assert bench.progress.heard == Heard(ACTIVE, 4, 101.0, 5, 3, 101.0, 9)
+    assert bench.progress.heard == MissionNews(ACTIVE, 4, 101.0, 5, 3, 101.0, 9)
     bench.current(1, mission_id=6)  # another mission
-    assert bench.progress.heard == Heard(ACTIVE, 1, 101.0, 6, total=9)
+    assert bench.progress.heard == MissionNews(ACTIVE, 1, 101.0, 6, total=9)
     bench.progress.drop("the autopilot has booted")
     assert bench.progress.heard is None
 

@@ -36,7 +36,7 @@ from ual_daemon.backends.mavlink.dialects.unknown import Unknown
 from ual_daemon.backends.mavlink.protocols.mission_download import FIRST_PAUSE_S
 from ual_daemon.backends.mavlink.protocols.mission_exchange import GIVE_UP_S, LONGEST_S, PAUSE_S, RETRY_S
 from ual_daemon.backends.mavlink.protocols.mission_transfers import MOST_WAITING, MissionTransfers
-from ual_daemon.backends.mavlink.wire.frames import Source, split
+from ual_daemon.backends.mavlink.wire.frames import MessageSource, split
 from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
 
 OWN, OTHER = (7, 191), (255, 190)
@@ -67,7 +67,7 @@ class Bench:
         self.refusal: UalError | None = None
         """Why nothing may be written now."""
         self.transfers = MissionTransfers(self.sent.append, lambda _: self.is_up)
-        self.transfers.attach(Source(7, 1), Px4())
+        self.transfers.attach(MessageSource(7, 1), Px4())
 
     def tick(self, count: int = 0, every_s: float = RETRY_S + 0.01) -> None:
         """Ticks now, or so many times later."""
@@ -411,7 +411,7 @@ def test_a_boot_or_another_autopilot_ends_everything(bench: Bench) -> None:
     transfers = bench.transfers
     ends: list[Callable[[], None]] = [
         lambda: transfers.drop("it booted"),
-        lambda: transfers.attach(Source(8, 1), Px4()),
+        lambda: transfers.attach(MessageSource(8, 1), Px4()),
     ]
     for end in ends:
         futures = [bench.download(), bench.replace(circles(1))]
@@ -421,7 +421,7 @@ def test_a_boot_or_another_autopilot_ends_everything(bench: Bench) -> None:
 
 
 def test_an_autopilot_that_is_only_watched_is_not_asked(bench: Bench) -> None:
-    bench.transfers.attach(Source(8, 1), Unknown(0))
+    bench.transfers.attach(MessageSource(8, 1), Unknown(0))
     assert isinstance(error_of(bench.download()), NotSupportedError)
     assert isinstance(error_of(bench.replace([])), NotSupportedError)
     assert bench.requests() == []
@@ -461,7 +461,7 @@ class BadLink:
         self._under_way: list[tuple[float, int, bool, bytes]] = []
         self._ours, self._theirs = codec(7, 191), codec(7, 1)
         self.transfers = MissionTransfers(self._ours_sends, lambda _: True)
-        self.transfers.attach(Source(7, 1), Px4())
+        self.transfers.attach(MessageSource(7, 1), Px4())
         self.station: list[Message] = []
         """Messages for another station."""
 

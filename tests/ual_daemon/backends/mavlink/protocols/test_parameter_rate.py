@@ -14,7 +14,7 @@ from tests.ual_daemon.backends.mavlink.protocols.served import through
 from ual.parameters import Parameter
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.protocols.parameter_transfers import ParameterTransfers
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
 COUNT = 1000
@@ -35,7 +35,7 @@ class Line:
         self._queue: deque[int] = deque()
         self._under_way: deque[tuple[float, Callable[[], None]]] = deque()
         self.transfers = ParameterTransfers(self._ask, lambda _: True)
-        self.transfers.attach(Source(1, 1), Px4())
+        self.transfers.attach(MessageSource(1, 1), Px4())
 
     def listed_s(self) -> float:
         """Lists all; returns how long that took."""

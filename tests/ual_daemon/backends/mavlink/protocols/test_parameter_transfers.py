@@ -36,7 +36,7 @@ from ual_daemon.backends.mavlink.protocols.parameter_exchanges import (
     WINDOW,
 )
 from ual_daemon.backends.mavlink.protocols.parameter_transfers import MOST_WAITING, ParameterTransfers
-from ual_daemon.backends.mavlink.wire.frames import Source
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
 REAL32, INT32 = ParameterType.REAL32, ParameterType.INT32
@@ -53,7 +53,7 @@ class Bench:
         self.refusal: UalError | None = None
         """Why nothing may be written now."""
         self.transfers = ParameterTransfers(self.sent.append, lambda _: self.is_up)
-        self.transfers.attach(Source(7, 1), dialect or Px4())
+        self.transfers.attach(MessageSource(7, 1), dialect or Px4())
 
     def tick(self, count: int = 0, every_s: float = RETRY_S + 0.01) -> None:
         """Ticks now, or so many times later."""
@@ -386,7 +386,7 @@ def test_another_autopilot_or_another_boot_ends_everything(bench: Bench) -> None
 
     ends: list[Callable[[], None]] = [
         lambda: bench.transfers.drop("it has booted"),
-        lambda: bench.transfers.attach(Source(8, 1), Px4()),
+        lambda: bench.transfers.attach(MessageSource(8, 1), Px4()),
     ]
     for end in ends:
         futures = begun()

@@ -10,7 +10,7 @@ from tests.ual_daemon.backends.mavlink.fakes import ADDRESS, UTC_S, attitude, he
 from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.engine.loop import TICK_S
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
-from ual_daemon.backends.mavlink.links import Address, Chunk, Connection
+from ual_daemon.backends.mavlink.links import Address, Chunk, LinkConnection
 from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.session.receive_loop import ReceiveLoop
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
@@ -77,7 +77,7 @@ class Flood(EndlessLink):
 def test_a_flood_that_never_ends_keeps_no_update_tick_or_command_waiting(garbage: bytes, *, moves: bool) -> None:
     clock = Clock()
     flood = Flood(clock, garbage, moves=moves)
-    connection = Connection(flood, "test")
+    connection = LinkConnection(flood, "test")
     discovery = Discovery(MavlinkSettings(), connection, "test", SetpointMonitor())
     updates: list[Snapshot] = []
     flood.loop = ReceiveLoop(connection, discovery, clock, lambda _: None, updates.append)
@@ -95,7 +95,7 @@ def test_what_is_known_is_as_old_as_what_was_received_and_not_as_its_snapshot() 
     """A starved thread may take long for a batch: what came meanwhile is not in the snapshot that it then publishes."""
     clock = Clock()
     flood = Flood(clock, b"", moves=True)
-    connection = Connection(flood, "test")
+    connection = LinkConnection(flood, "test")
     discovery = Discovery(MavlinkSettings(), connection, "test", SetpointMonitor())
     updates: list[Snapshot] = []
 
@@ -147,7 +147,7 @@ def test_a_mode_that_lasts_for_a_moment_is_seen_by_an_update() -> None:
     clock = Clock()
     begun = [heartbeat(_POSCTL, armed=True), attitude(), position(0.0)]
     link = Script(clock, begun, [heartbeat(_OFFBOARD, armed=True), heartbeat(_POSCTL, armed=True)])
-    connection = Connection(link, "test")
+    connection = LinkConnection(link, "test")
     discovery = Discovery(MavlinkSettings(), connection, "test", SetpointMonitor())
     modes: list[str] = []
 

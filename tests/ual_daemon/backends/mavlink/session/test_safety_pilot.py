@@ -6,7 +6,7 @@ import pytest
 from tests.ual_daemon.backends.mavlink.fakes import Harness, heartbeat
 from ual.errors import PermissionDeniedError, RejectedByAutopilotError, UalTimeoutError
 from ual_daemon.backends.base import BackendOptions
-from ual_daemon.backends.firmwares.safety_pilot import SimulatedPilot
+from ual_daemon.backends.firmwares.safety_pilot import LinkPilot
 from ual_daemon.backends.mavlink import MavlinkBackend
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 
@@ -29,7 +29,7 @@ class Pilot:
     def __init__(self) -> None:
         self.harness = Harness()
         self.armings: list[Future[None]] = []
-        self.pilot = SimulatedPilot(lambda: self.harness.discovery.session, self._arm)
+        self.pilot = LinkPilot(lambda: self.harness.discovery.session, self._arm)
 
     def _arm(self) -> Future[None]:
         self.armings.append(Future())
@@ -92,7 +92,7 @@ def test_it_arms_and_reports_what_the_autopilot_said(monkeypatch: pytest.MonkeyP
     with pytest.raises(UalTimeoutError):
         it.pilot.arm()
     assert it.armings[0].cancelled()  # and is not sent again
-    refusing = SimulatedPilot(lambda: it.harness.discovery.session, refused)
+    refusing = LinkPilot(lambda: it.harness.discovery.session, refused)
     with pytest.raises(RejectedByAutopilotError, match="no GPS"):
         refusing.arm()
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.session.sequence import SequenceGaps, SequenceUnwrapper
-from ual_daemon.backends.mavlink.session.telemetry import LATE_S, Telemetry
+from ual_daemon.backends.mavlink.session.telemetry import LATE_S, AutopilotTelemetry
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
 OFFBOARD, POSCTL = 6 << 16, 3 << 16
@@ -47,7 +47,7 @@ def test_after_a_silence_any_number_is_the_next() -> None:
     assert number.value > before
 
 
-def say(telemetry: Telemetry, message: Message, sequence: int, now_s: float) -> None:
+def say(telemetry: AutopilotTelemetry, message: Message, sequence: int, now_s: float) -> None:
     message._header.seq = sequence % 256
     telemetry.update(message, now_s, now_s)
 
@@ -59,7 +59,7 @@ def mode(custom_mode: int) -> Message:
 @pytest.mark.parametrize("rate_hz", [100, 430, 500, 700, 900, 2000])
 @pytest.mark.parametrize("interval_s", [0.05, 0.13, 0.25, 0.29, 0.298, 0.5])
 def test_a_mode_that_the_pilot_has_changed_counts_at_any_rate_of_messages(rate_hz: int, interval_s: float) -> None:
-    telemetry = Telemetry(Px4())
+    telemetry = AutopilotTelemetry(Px4())
     say(telemetry, mode(OFFBOARD), 0, 0.0)
     count = round(rate_hz * interval_s)
     for index in range(1, count):
@@ -69,7 +69,7 @@ def test_a_mode_that_the_pilot_has_changed_counts_at_any_rate_of_messages(rate_h
 
 
 def test_a_mode_that_comes_late_is_passed_over() -> None:
-    telemetry = Telemetry(Px4())
+    telemetry = AutopilotTelemetry(Px4())
     say(telemetry, mode(OFFBOARD), 250, 0.0)
     for index in range(251, 300):
         telemetry.on_frame(index % 256, (index - 250) / 500.0)
@@ -79,7 +79,7 @@ def test_a_mode_that_comes_late_is_passed_over() -> None:
 
 
 def test_another_mode_that_seems_late_is_doubtful_and_one_that_says_nothing_new_is_not() -> None:
-    telemetry = Telemetry(Px4())
+    telemetry = AutopilotTelemetry(Px4())
     say(telemetry, mode(OFFBOARD), 0, 0.0)
     say(telemetry, mode(OFFBOARD), 250, 0.1)
     assert not telemetry.is_mode_doubtful

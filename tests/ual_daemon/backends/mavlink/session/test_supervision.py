@@ -5,14 +5,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.ual_daemon.backends.mavlink.fakes import BOOT_MS, Harness, attitude, heartbeat, packer
-from ual_daemon.backends.engine.link_watch import LinkState, LinkWatch
+from ual_daemon.backends.engine.link_watch import LinkWatch, LinkWatchState
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import HEARTBEAT_LATE_S
-from ual_daemon.backends.mavlink.session.supervision import Supervision
+from ual_daemon.backends.mavlink.session.supervision import LinkCounts
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 
-def beat(watch: Supervision, begin_s: float, end_s: float, rate_hz: float = 10.0, first: int = 0) -> int:
+def beat(watch: LinkCounts, begin_s: float, end_s: float, rate_hz: float = 10.0, first: int = 0) -> int:
     """Frames come; the next number."""
     count = round((end_s - begin_s) * rate_hz)
     for index in range(count):
@@ -21,7 +21,7 @@ def beat(watch: Supervision, begin_s: float, end_s: float, rate_hz: float = 10.0
 
 
 def test_rate_and_loss_are_those_of_the_last_seconds() -> None:
-    watch = Supervision(LinkWatch("udp", 1.0))
+    watch = LinkCounts(LinkWatch("udp", 1.0))
     for index in range(2000):
         if index % 4 or index < 1000:
             watch.on_frame(index % 256, index / 100)
@@ -32,7 +32,7 @@ def test_rate_and_loss_are_those_of_the_last_seconds() -> None:
 
 
 def test_a_silence_is_not_counted_as_lost_messages() -> None:
-    watch = Supervision(LinkWatch("udp", 1.0))
+    watch = LinkCounts(LinkWatch("udp", 1.0))
     following = beat(watch, 0.0, 2.0, rate_hz=100.0)
     beat(watch, 5.0, 6.0, rate_hz=100.0, first=following + 300)
     assert watch.statistics(6.0).loss == 0.0
@@ -48,7 +48,7 @@ def test_a_silence_is_not_counted_as_lost_messages() -> None:
     )
 )
 def test_what_is_counted_in_few_steps_is_what_the_long_way_counts(frames: list[tuple[int, float]]) -> None:
-    both = tuple(Supervision(LinkWatch("udp", 1.0)) for _ in range(2))
+    both = tuple(LinkCounts(LinkWatch("udp", 1.0)) for _ in range(2))
     sequence, now_s = 250, 0.0
     for step, passed_s in frames:
         sequence, now_s = (sequence + step) % 256, now_s + passed_s
@@ -59,7 +59,7 @@ def test_what_is_counted_in_few_steps_is_what_the_long_way_counts(frames: list[t
         assert (both[0].watch.heard_s, both[0].watch.state) == (both[1].watch.heard_s, both[1].watch.state)
 
 
-def sequence_of(supervision: Supervision) -> int | None:
+def sequence_of(supervision: LinkCounts) -> int | None:
     gaps = supervision._gaps
     return gaps._newest if gaps.next is None else gaps.next - 1
 
@@ -73,7 +73,7 @@ def test_only_the_chosen_autopilot_counts() -> None:
     harness.now_s = 0.9
     harness.receive(data=packer(2)(heartbeat()) + packer(1, 154)(attitude()))
     harness.run(0.2)
-    assert harness.supervision.watch.state is LinkState.LOST
+    assert harness.supervision.watch.state is LinkWatchState.LOST
 
 
 def test_timesync_is_asked_and_answered() -> None:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from tests.ual_daemon.backends.mavlink import fakes
 from tests.ual_daemon.backends.mavlink.fakes import Harness, heartbeat, packer
 from ual_daemon.backends.mavlink.wire import checksum, frames
-from ual_daemon.backends.mavlink.wire.frames import CREDIT_PER_BYTE, LARGEST_CREDIT, Frame, FrameReader, split
+from ual_daemon.backends.mavlink.wire.frames import CREDIT_PER_BYTE, LARGEST_CREDIT, FrameReader, MavlinkFrame, split
 from ual_daemon.backends.mavlink.wire.messages import Codec, mavlink
 
 
@@ -68,7 +68,7 @@ def signed(data: bytes) -> bytes:
     return packed
 
 
-def given_up(reader: FrameReader) -> list[Frame]:
+def given_up(reader: FrameReader) -> list[MavlinkFrame]:
     """The frames within what was begun, in which the reader does not believe any more."""
     return [frame for _, found in reader.give_up() for frame in found]
 

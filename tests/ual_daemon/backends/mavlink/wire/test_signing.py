@@ -7,9 +7,9 @@ from typing import Any
 import pytest
 
 from tests.ual_daemon.backends.mavlink.fakes import ADDRESS, Harness, attitude, heartbeat, packer
-from ual_daemon.backends.mavlink.wire.frames import Frame, split
+from ual_daemon.backends.mavlink.wire.frames import MavlinkFrame, split
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
-from ual_daemon.backends.mavlink.wire.signing import EPOCH_S, MOST_SENDERS, OLDEST_S, Signer, Verdict, read_key
+from ual_daemon.backends.mavlink.wire.signing import EPOCH_S, MOST_SENDERS, OLDEST_S, SignatureVerdict, Signer, read_key
 from ual_daemon.settings import ConfigError
 
 KEY = bytes(range(200, 232))
@@ -31,7 +31,7 @@ class Vehicle:
         packed: bytes = message.pack(self.mav)
         return packed
 
-    def frame(self) -> Frame:
+    def frame(self) -> MavlinkFrame:
         return split(self.pack(heartbeat()))[0][0]
 
 
@@ -97,30 +97,30 @@ def test_a_key_that_is_not_there_is_told(tmp_path: Path) -> None:
 
 def test_what_is_signed_with_the_key_is_good_once() -> None:
     ours, frame = signer(), Vehicle().frame()
-    assert [ours.check(frame), ours.check(frame)] == [Verdict.GOOD, Verdict.REPEATED]
+    assert [ours.check(frame), ours.check(frame)] == [SignatureVerdict.GOOD, SignatureVerdict.REPEATED]
 
 
 def test_what_is_not_or_wrongly_signed_is_not_believed() -> None:
     ours = signer()
-    assert ours.check(split(packer()(heartbeat()))[0][0]) is Verdict.UNSIGNED
-    assert ours.check(Vehicle(b"y" * 32).frame()) is Verdict.WRONG_KEY
+    assert ours.check(split(packer()(heartbeat()))[0][0]) is SignatureVerdict.UNSIGNED
+    assert ours.check(Vehicle(b"y" * 32).frame()) is SignatureVerdict.WRONG_KEY
 
 
 def test_a_forged_timestamp_does_not_shut_the_autopilot_out() -> None:
     ours = signer()
-    assert ours.check(Vehicle(b"y" * 32, timestamp=NOW + 10**9).frame()) is Verdict.WRONG_KEY
-    assert ours.check(Vehicle().frame()) is Verdict.GOOD
+    assert ours.check(Vehicle(b"y" * 32, timestamp=NOW + 10**9).frame()) is SignatureVerdict.WRONG_KEY
+    assert ours.check(Vehicle().frame()) is SignatureVerdict.GOOD
 
 
 def test_a_sender_first_heard_may_be_a_minute_behind_us() -> None:
-    assert signer().check(Vehicle(timestamp=NOW - 5_999_999).frame()) is Verdict.GOOD
-    assert signer().check(Vehicle(timestamp=NOW - 6_000_100).frame()) is Verdict.OLD
+    assert signer().check(Vehicle(timestamp=NOW - 5_999_999).frame()) is SignatureVerdict.GOOD
+    assert signer().check(Vehicle(timestamp=NOW - 6_000_100).frame()) is SignatureVerdict.OLD
 
 
 def test_each_link_of_a_sender_has_its_own_timestamps() -> None:
     ours = signer()
-    assert ours.check(Vehicle(timestamp=NOW).frame()) is Verdict.GOOD
-    assert ours.check(Vehicle(timestamp=NOW - 100, link_id=1).frame()) is Verdict.GOOD
+    assert ours.check(Vehicle(timestamp=NOW).frame()) is SignatureVerdict.GOOD
+    assert ours.check(Vehicle(timestamp=NOW - 100, link_id=1).frame()) is SignatureVerdict.GOOD
 
 
 class Clock:
@@ -132,14 +132,16 @@ class Clock:
         return self.now_s
 
 
-def crowd(ours: Signer, timestamp: int) -> list[Verdict]:
+def crowd(ours: Signer, timestamp: int) -> list[SignatureVerdict]:
     """Signs once on each link but the last one."""
     return [ours.check(Vehicle(timestamp=timestamp + each, link_id=each).frame()) for each in range(255)]
 
 
 def test_the_number_of_senders_that_are_remembered_is_limited() -> None:
     ours = signer()
-    assert crowd(ours, NOW) == [Verdict.GOOD] * MOST_SENDERS + [Verdict.CROWDED] * (255 - MOST_SENDERS)
+    assert crowd(ours, NOW) == [SignatureVerdict.GOOD] * MOST_SENDERS + [SignatureVerdict.CROWDED] * (
+        255 - MOST_SENDERS
+    )
     assert len(ours._newest) == MOST_SENDERS
 
 
@@ -149,27 +151,27 @@ def test_a_sender_that_is_heard_is_not_forgotten_for_others_whose_clock_is_ahead
     for each in range(3):
         clock.now_s += OLDEST_S - 1.0
         now = NOW + round(clock.now_s * 1e5)
-        assert ours.check(Vehicle(timestamp=now, link_id=255).frame()) is Verdict.GOOD
+        assert ours.check(Vehicle(timestamp=now, link_id=255).frame()) is SignatureVerdict.GOOD
         crowd(ours, now + 10**6 * each)
-        assert ours.check(Vehicle(timestamp=now + 1, link_id=255).frame()) is Verdict.GOOD
+        assert ours.check(Vehicle(timestamp=now + 1, link_id=255).frame()) is SignatureVerdict.GOOD
 
 
 def test_what_a_forgotten_sender_signed_is_not_accepted_again() -> None:
     clock = Clock()
     ours = Signer(KEY, lambda: NOW_S, clock)
     ahead = [Vehicle(timestamp=NOW + 10**7 + each, link_id=each).frame() for each in range(MOST_SENDERS)]
-    assert {ours.check(frame) for frame in ahead} == {Verdict.GOOD}
+    assert {ours.check(frame) for frame in ahead} == {SignatureVerdict.GOOD}
     clock.now_s = OLDEST_S + 1.0
     new = Vehicle(timestamp=NOW + 10**7 + 1000, link_id=255)
-    assert ours.check(new.frame()) is Verdict.GOOD  # the first of them is forgotten for it
-    assert ours.check(ahead[0]) is Verdict.REPEATED
+    assert ours.check(new.frame()) is SignatureVerdict.GOOD  # the first of them is forgotten for it
+    assert ours.check(ahead[0]) is SignatureVerdict.REPEATED
     assert len(ours._newest) == MOST_SENDERS
 
 
 def test_our_timestamps_always_grow_and_follow_the_newest_heard() -> None:
     ours = signer(utc_s=0.0)  # a computer that does not know what time it is
     assert [ours.next_timestamp(), ours.next_timestamp()] == [1, 2]
-    assert ours.check(Vehicle(timestamp=NOW).frame()) is Verdict.GOOD
+    assert ours.check(Vehicle(timestamp=NOW).frame()) is SignatureVerdict.GOOD
     assert ours.next_timestamp() >= NOW
 
 
