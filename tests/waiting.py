@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import inspect
 import selectors
 import subprocess
@@ -11,6 +12,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from types import FrameType
 from typing import Protocol, TypeVar
 
 import grpc
@@ -27,6 +29,7 @@ _WAIT = (str(Path(grpc.__file__).parent), selectors.__file__, subprocess.__file_
 """Files in which a thread waits."""
 
 
+_frames_lock = threading.Lock()
 _died: list[threading.ExceptHookArgs] = []
 """The threads that have died of an error since the test began."""
 
@@ -72,7 +75,7 @@ def is_at_work(thread: threading.Thread) -> bool:
     It has not while it waits for another thread, a process or a descriptor, or between two looks of `until`. It has
     from the moment at which the other thread has notified it, or the next look is due.
     """
-    frame = sys._current_frames().get(thread.ident or 0)
+    frame = _frame_of(thread)
     if frame is None:
         return False
     if frame.f_code is _pause.__code__:
@@ -81,6 +84,23 @@ def is_at_work(thread: threading.Thread) -> bool:
         waiter, waiting = frame.f_locals.get("waiter"), frame.f_locals["self"]._waiters
         return waiter is not None and waiter not in waiting
     return not frame.f_code.co_filename.startswith(_WAIT)
+
+
+def _frame_of(thread: threading.Thread) -> FrameType | None:
+    """Returns the frame that a thread runs.
+
+    `sys._current_frames` holds the interpreter's lock of threads while it makes its answer. A collection of garbage
+    then could pass the processor to another thread, which starts a third one and so waits for that lock: for ever
+    (python/cpython#106883).
+    """
+    with _frames_lock:
+        is_collecting = gc.isenabled()
+        gc.disable()
+        try:
+            return sys._current_frames().get(thread.ident or 0)
+        finally:
+            if is_collecting:
+                gc.enable()
 
 
 def until_after(
