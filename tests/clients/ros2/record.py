@@ -104,7 +104,7 @@ def _served() -> Iterator[str]:
     with without_ros({**of_ual, "std_srvs.srv": _Types("std_srvs.srv")}):
         flights = importlib.import_module("ual_ros2.flights")
         filling = importlib.import_module("ual_ros2.beside.filling").Filling()
-        table = importlib.import_module("ual_ros2.beside.services").Table(filling, MagicMock(), None)
+        table = importlib.import_module("ual_ros2.beside.services").ServiceTable(filling, MagicMock(), None)
         for each in (*flights.SERVICES, *table.services(), *table.simulation()):
             yield f"service {each.name}: {each.kind} of {each.facts.name}"
         for each in (*flights.ACTIONS, *table.actions()):

@@ -53,7 +53,7 @@ def test_each_package_that_is_imported_is_installed_with_it() -> None:
 @pytest.mark.usefixtures("ros")
 def test_what_the_daemon_takes_without_a_lease_needs_none_of_the_node() -> None:
     """docs/how-to/access.md: reading, cameras, frames, poses from outside, the simulated world and its pilot."""
-    table = part("beside.services").Table(part("beside.filling").Filling(), MagicMock(), None)
+    table = part("beside.services").ServiceTable(part("beside.filling").Filling(), MagicMock(), None)
     commands = [*part("flights").SERVICES, *table.services(), *table.simulation()]
     free = {"start_photos", "stop_photos", "start_video", "stop_video", "take_photo", "add_frame", "set_external_pose"}
     reading = ("get_", "list_", "simulation/", "set_camera_", "plan_", "download_")
@@ -84,7 +84,7 @@ class FakePilot:
             never: asyncio.Future[Mapping[str, object]] = asyncio.Future()
             return await never
 
-        self.run = part("outcome").Run(begin)
+        self.run = part("outcome").CommandRun(begin)
         return self.run
 
     async def abort(self) -> None:
@@ -116,7 +116,7 @@ async def _cancelled(action_name: str, **goal: object) -> tuple[FakePilot, bool]
     """Cancels a goal that flies. Returns its pilot, and whether it has ended by that."""
     loop, pilot = asyncio.get_running_loop(), FakePilot()
     [action] = [each for each in part("flights").ACTIONS if each.name == action_name]
-    goals = part("goals").Goals(MagicMock(), loop, f"/uav_1/ual/{action_name}", action, pilot, 1000.0)
+    goals = part("goals").ActionGoals(MagicMock(), loop, f"/uav_1/ual/{action_name}", action, pilot, 1000.0)
     handle = MagicMock(goal_id=SimpleNamespace(uuid=bytes(16)), request=SimpleNamespace(**goal))
     flying = loop.create_task(goals._fly(handle))
     await run_ready()
@@ -150,7 +150,7 @@ def test_a_goal_of_which_the_node_cannot_tell_is_not_flown_on() -> None:
     async def flown() -> Any:
         pilot = FakePilot()
         action = replace(part("flights").ACTIONS[-1], is_task=False, also=fail)
-        goals = part("goals").Goals(MagicMock(), asyncio.get_running_loop(), "", action, pilot, 1000.0)
+        goals = part("goals").ActionGoals(MagicMock(), asyncio.get_running_loop(), "", action, pilot, 1000.0)
         with pytest.raises(ValueError, match="a mistake"):
             await goals._fly(MagicMock(goal_id=SimpleNamespace(uuid=bytes(16))))
         return await asyncio.wait_for(pilot.run.task, 5.0)
@@ -191,7 +191,7 @@ def test_a_goal_takes_no_task_as_its_own_that_ran_before_it_was_sent(monkeypatch
     async def flown() -> None:
         pilot = WatchedPilot()
         [action] = [each for each in part("flights").ACTIONS if each.name == "go_to_waypoint"]
-        goals = part("goals").Goals(MagicMock(), asyncio.get_running_loop(), "", action, pilot, 1e6)
+        goals = part("goals").ActionGoals(MagicMock(), asyncio.get_running_loop(), "", action, pilot, 1e6)
         handle = MagicMock(goal_id=SimpleNamespace(uuid=bytes(16)), request=SimpleNamespace(dry_run=False))
         flying = asyncio.create_task(goals._fly(handle))
 
@@ -231,8 +231,8 @@ def test_the_daemon_is_asked_what_runs_just_before_a_goal_is_sent(is_dry_run: bo
     async def before() -> Any:
         uav = interface()
         uav._is_active, uav._frames.provide = True, provide
-        uav._contact = part("contact").Contact(telemetry, 30.0, lambda: 0.0)  # it is heard
-        action = part("command").Action("go_to_waypoint", None, call)
+        uav._contact = part("contact").DaemonContact(telemetry, 30.0, lambda: 0.0)  # it is heard
+        action = part("command").ActionCommand("go_to_waypoint", None, call)
         run = uav.begin_command(action, SimpleNamespace(dry_run=is_dry_run))
         assert (await run.task).is_success
         await uav.close()
@@ -296,7 +296,7 @@ class BrokenCameras:
 def test_a_camera_that_ends_by_a_mistake_ends_loudly(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(part("cameras"), "LOOK_S", 0.001)
     uav = SimpleNamespace(cameras=BrokenCameras())
-    following = part("cameras").Cameras(MagicMock(), uav, "uav_1", MagicMock(), MagicMock(), 1000.0)
+    following = part("cameras").RosCameras(MagicMock(), uav, "uav_1", MagicMock(), MagicMock(), 1000.0)
 
     async def follow() -> None:
         await asyncio.wait_for(following.follow(), 5.0)
