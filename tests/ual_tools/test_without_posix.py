@@ -110,7 +110,7 @@ def test_a_console_is_read_where_there_are_no_terminals(monkeypatch: pytest.Monk
 
 
 def test_without_a_terminal_no_key_is_pressed() -> None:
-    done = run(WITHOUT_POSIX + "from ual_tools.keys import Keyboard\nprint(Keyboard(None).wait(0.01))")
+    done = run(WITHOUT_POSIX + "from ual_tools.keys import TerminalKeys\nprint(TerminalKeys(None).wait(0.01))")
     assert (done.stdout, done.stderr) == ("[]\n", "")
 
 

@@ -52,7 +52,7 @@ def _command(part: ContractPart, member: PartMember) -> str:
     return (
         f'\n\n@{part.module}.command("{name}", cls=UalCommand, examples=("{_example(part, member)}",))\n'
         f"{declared}@pass_session\n"
-        f"def _{part.module}_{member.name}(session: Session{arguments}) -> None:\n"
+        f"def _{part.module}_{member.name}(session: CommandSession{arguments}) -> None:\n"
         f'    """{member.documentation.splitlines()[0]}"""\n'
         f"    with session.connect() as uav:\n        {'found = ' * is_told}{call}\n{told if is_told else done}"
     )

@@ -69,7 +69,7 @@ def _commands(owners: Sequence[ContractPart]) -> str:
         f"import click\n\nfrom ual_tools import {', '.join(by_hand)}\n"
         + "from ual_tools.app import UalCommand, UalGroup\n"
         "from ual_tools.help import Section\n"
-        "from ual_tools.session import Session, pass_session\n"
+        "from ual_tools.session import CommandSession, pass_session\n"
         * bool(derived)
         + f"{body}\nCOMMANDS: tuple[click.Command, ...] = (\n{rows})\n"
     )

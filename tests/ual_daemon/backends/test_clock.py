@@ -14,10 +14,10 @@ _IN_SLEPT = ("unshare", "--user", "--map-root-user", "--time", "--boottime", f"{
 _CODE = """
 import time
 from ual_daemon.backends.clock import MonotonicClock
-from ual_daemon.flight.policy.lease import Lease
+from ual_daemon.flight.policy.lease import FlightLease
 from ual_daemon.server.standstill import Standstill
 
-for clock in (MonotonicClock().now_s, Lease()._clock, Standstill()._clock):
+for clock in (MonotonicClock().now_s, FlightLease()._clock, Standstill()._clock):
     print(clock() - time.clock_gettime(time.CLOCK_MONOTONIC))
 """
 
