@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -62,7 +63,9 @@ def run(program: str, *words: str) -> subprocess.CompletedProcess[str]:
 def test_a_command_works(daemon: DaemonProcess, words: tuple[str, ...]) -> None:
     daemon.wait_for("state", new="LANDED_ARMED")
     done = run(COMMAND, *words)
-    assert (done.returncode, done.stderr) == (0, "")
+    # On a busy computer the simulation is behind, and the commands say so.
+    errors = [line for line in done.stderr.splitlines() if not re.search(r"simulated time is \S+ s behind$", line)]
+    assert (done.returncode, errors) == (0, [])
     assert done.stdout
 
 
