@@ -64,3 +64,13 @@ def test_the_streams_have_their_usual_rates_before_and_after(flight: Flight) -> 
     flight.wait_for(lambda: channel.intervals_s == usual, "the usual rates")
     flight.let_pass(20.0)
     assert channel.intervals_s == usual
+
+
+def test_a_log_that_has_grown_since_it_was_read_is_read_to_its_new_end(flight: Flight) -> None:
+    files = flight.autopilot.files
+    [log] = flight.uav.logs.get_all()
+    *_, last = flight.uav.logs.download(log.id, len(CONTENT) - 1000)
+    assert last.sha256
+    files.files[f"{files.directory}/00000001.BIN"] = grown = CONTENT + CONTENT[:50_001]
+    begin = len(CONTENT) - 100
+    assert b"".join(each.data for each in flight.uav.logs.download(log.id, begin)) == grown[begin:]

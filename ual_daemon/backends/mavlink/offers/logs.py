@@ -84,7 +84,11 @@ class MavlinkLogs(AutopilotLogs):
         return self._paths[log_id]
 
     def _list_files(self, files: Ftp) -> Steps[list[Log]]:
-        """Lists the logs in the first directory that there is. The steps end on the thread that receives."""
+        """Lists the logs in the first directory that there is. The steps end on the thread that receives.
+
+        A log that is open is closed first: PX4 reads it no further than it went when it was opened.
+        """
+        yield from files.closed()
         for directory in DIRECTORIES:
             try:
                 found = yield from files.list_directory(directory)
