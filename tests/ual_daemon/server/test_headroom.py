@@ -84,6 +84,16 @@ def test_small_requests_look_ten_times_a_second_at_most() -> None:
     assert next(looks) == 10
 
 
+def test_a_large_request_that_has_arrived_is_looked_for_before_the_next_is_read() -> None:
+    free = [RESERVE_BYTES + WORK_FACTOR * MOST_REQUEST_BYTES, RESERVE_BYTES]
+    headroom = Headroom(lambda: free[0], Clock())
+    headroom.require_room(READS)
+    headroom.require_room_to_work(PLANS, MOST_REQUEST_BYTES)
+    free.pop(0)
+    with pytest.raises(ResourceExhaustedError):
+        headroom.require_room(READS)
+
+
 @pytest.fixture
 def group(tmp_path: Path) -> tuple[Path, Callable[[], float]]:
     """A control group of 100 MiB in one without a limit, and what looks at them."""
