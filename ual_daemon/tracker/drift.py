@@ -25,7 +25,6 @@ from ual_daemon.tracker.limits import clamped, scaled_down
 from ual_daemon.tracker.place import ExpectedMotion, MotionEstimate, VelocityPlace
 from ual_daemon.tracker.velocity_error import VelocityError
 from ual_daemon.trajectory import Motion
-from ual_daemon.trajectory.envelope import speed_share
 
 _LONGEST_STEP_S = 0.2
 """After a longer pause, the time in between does not count. Nor is a position extrapolated farther."""
@@ -97,9 +96,7 @@ class DriftCorrection:
         along = horizontal.step(_level(asked), level, passed_s, responses.horizontal)
         up = vertical.step(_upright(asked), upright, passed_s, responses.vertical)
         wanted = Vector3(asked.x + along.x, asked.y + along.y, asked.z + up.z)
-        if speed_share(wanted, limits) > 1.0:
-            wanted = scaled_down(Twist(wanted), limits).linear
-        self.velocity = wanted - asked
+        self.velocity = scaled_down(Twist(wanted), limits).linear - asked
         self._step_heading(commanded.angular.z, snapshot)
 
     def _see(self, snapshot: Snapshot, velocity: Vector3) -> MotionEstimate:

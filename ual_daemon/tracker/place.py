@@ -121,14 +121,9 @@ class VelocityPlace:
 
     def _may_not_follow(self, c: Vector3, v: Vector3, error: Vector3) -> bool:
         """Returns whether something may carry or stop the UAV: seldom, and then the directions are looked for."""
-        fx, fy, fz, u = v.x - error.x, v.y - error.y, v.z - error.z, self._expected.velocity
-        if math.hypot(fx - u.x, fy - u.y, fz - u.z) > _CARRIED_M_S:
-            return True
-        wanted_m_s = math.hypot(c.x, c.y, c.z)
-        if wanted_m_s <= _FLOWN_M_S:
-            return False
-        speed_m_s = min(wanted_m_s, (u.x * c.x + u.y * c.y + u.z * c.z) / wanted_m_s)
-        return (fx * c.x + fy * c.y + fz * c.z) / wanted_m_s < speed_m_s / 2
+        x, y, z, u = v.x - error.x, v.y - error.y, v.z - error.z, self._expected.velocity
+        is_carried = math.hypot(x - u.x, y - u.y, z - u.z) > _CARRIED_M_S
+        return is_carried or self._missed_m_s(c, x, y, z) is not None
 
     def _find_free(self, commanded: Vector3, here: Vector3, flown: Vector3) -> None:
         """Finds the directions in which the UAV cannot follow. `flown` is how its position moves."""
@@ -146,14 +141,20 @@ class VelocityPlace:
 
     def _is_stopped(self, commanded: Vector3, here: Vector3, flown: Vector3) -> bool:
         """Returns whether something stops it: it is behind, and makes less than half of the commanded speed."""
-        wanted_m_s = commanded.norm()
+        missed_m_s = self._missed_m_s(commanded, flown.x, flown.y, flown.z)
+        if missed_m_s is None:
+            return False
+        behind_m = min(MOST_LAG_M, max(_LEAST_BEHIND_M, missed_m_s * _BEHIND_S))
+        return self._held(self._expected.position - here).dot(commanded) / commanded.norm() >= behind_m
+
+    def _missed_m_s(self, c: Vector3, x: float, y: float, z: float) -> float | None:
+        """Returns the expected speed along the command `c` where (x, y, z) makes less than half of it; else None."""
+        wanted_m_s = math.hypot(c.x, c.y, c.z)
         if wanted_m_s <= _FLOWN_M_S:
-            return False
-        speed_m_s = min(wanted_m_s, self._expected.velocity.dot(commanded) / wanted_m_s)
-        if flown.dot(commanded) / wanted_m_s >= speed_m_s / 2:
-            return False
-        behind_m = min(MOST_LAG_M, max(_LEAST_BEHIND_M, speed_m_s * _BEHIND_S))
-        return self._held(self._expected.position - here).dot(commanded) / wanted_m_s >= behind_m
+            return None
+        u = self._expected.velocity
+        speed_m_s = min(wanted_m_s, (u.x * c.x + u.y * c.y + u.z * c.z) / wanted_m_s)
+        return speed_m_s if (x * c.x + y * c.y + z * c.z) / wanted_m_s < speed_m_s / 2 else None
 
     def _make_free(self, along: Vector3) -> None:
         rest = self._held(along)
