@@ -104,22 +104,16 @@ def make_telemetry(
         "missed_count": 0,
     }
     # Of immutable values only: what is read late must be as it was now.
-    placed, trouble, holder = body if odom_loss is None else None, doing.following.why, doing.holder
+    placed = body if odom_loss is None else None
+    late: dict[str, Callable[[], Any]] = {
+        "odometry": partial(_odometry, placed, twist, tree.odom, tree.body, stamp_s),
+        "transform": partial(_in_map, in_map, body, tree.body, stamp_s),
+        "position_geo": snapshot.position_geo,
+        "health": partial(_health, snapshot, doing.following.why, doing.holder, daemon_checks),
+    }
     if is_late:
-        late: dict[str, Callable[[], Any]] = {
-            "odometry": partial(_odometry, placed, twist, tree.odom, tree.body, stamp_s),
-            "transform": partial(_in_map, in_map, body, tree.body, stamp_s),
-            "position_geo": snapshot.position_geo,
-            "health": partial(_health, snapshot, trouble, holder, daemon_checks),
-        }
         return Telemetry.late(lambda name: late[name](), **known)
-    return Telemetry(
-        odometry=_odometry(placed, twist, tree.odom, tree.body, stamp_s),
-        transform=_in_map(in_map, body, tree.body, stamp_s),
-        position_geo=snapshot.position_geo(),
-        health=_health(snapshot, trouble, holder, daemon_checks),
-        **known,
-    )
+    return Telemetry(**known, **{name: make() for name, make in late.items()})
 
 
 def _health(snapshot: Snapshot, trouble: str, holder: Cause | None, daemon_checks: tuple[str, ...]) -> Health | None:
