@@ -42,19 +42,19 @@ $(DEV): $(INSTALLED)
 	$(COMPILE)
 	@touch $@
 
-# Every extra is in it, so that none of them changes the version of what flies. One file for Python 3.10 and newer.
 PROJECTS = pyproject.toml $(CLIENT)/pyproject.toml $(TOOLS)/pyproject.toml
 NOT_OURS = $(foreach each,client tools daemon,--no-emit-package ual-$(each))
-UV_COMPILE = build/uv/bin/uv pip compile --quiet --universal --python-version 3.10 --no-python-downloads --no-annotate \
+UV_COMPILE = build/uv/bin/uv pip compile --quiet --upgrade --universal --python-version 3.10 --no-python-downloads --no-annotate \
 	--custom-compile-command 'make lock'
 IMAGE_EXTRAS := serial ros record metrics tracing network
+# Every extra is in it, so that none of them changes the version of what flies. One file for Python 3.10 and newer.
 lock: | $(VENV)/.made  ## Renews constraints.txt: the versions that `make` installs, and the image's packages with their hashes
 	$(PIP_NEWEST) --quiet --upgrade --target build/uv uv
-	$(UV_COMPILE) --upgrade --all-extras $(NOT_OURS) --output-file $(LOCK) $(PROJECTS) \
+	$(UV_COMPILE) --all-extras $(NOT_OURS) --output-file $(LOCK) $(PROJECTS) \
 		benchmarks/requirements.txt
-	$(UV_COMPILE) --upgrade --constraint $(LOCK) --generate-hashes $(IMAGE_EXTRAS:%=--extra %) \
+	$(UV_COMPILE) --constraint $(LOCK) --generate-hashes $(IMAGE_EXTRAS:%=--extra %) \
 		$(NOT_OURS) --output-file deploy/container/requirements.txt $(PROJECTS)
-	$(UV_COMPILE) --upgrade --constraint $(LOCK) --generate-hashes \
+	$(UV_COMPILE) --constraint $(LOCK) --generate-hashes \
 		--output-file deploy/container/sbom-requirements.txt deploy/container/sbom-requirements.in
 
 dist: | $(VENV)/.made  ## The wheels of all three distributions into dist: docs/how-to/installation.md
