@@ -95,7 +95,7 @@ def _open_files() -> set[str]:
     found = set()
     for name in os.listdir(_DESCRIPTORS):  # noqa: PTH208  paths take twice as long, four times a test
         with suppress(OSError):  # that of the list itself
-            found.add(f"{name} {os.readlink(_DESCRIPTORS + name)}")  # noqa: PTH115
+            found.add(f"{name} {os.readlink(_DESCRIPTORS + name)}")  # noqa: PTH115  as above
     return found
 
 

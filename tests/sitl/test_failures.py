@@ -135,7 +135,7 @@ def _velocity(flight: Flight) -> Callable[[], object]:
     def stream() -> None:
         while True:
             flight.uav.set_velocity(Twist(Vector3(1.0, 0.0, 0.0)))
-            time.sleep(0.05)
+            time.sleep(0.05)  # the rate of the stream
 
     return stream
 
@@ -187,7 +187,7 @@ def _disarm(pilot: Transmitter) -> None:
     until_s = time.monotonic() + PATIENCE_S
     while pilot.is_armed and time.monotonic() < until_s:
         pilot.order(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (0.0, _FORCE))
-        time.sleep(0.5)
+        time.sleep(0.5)  # until the autopilot tells it
 
 
 def _take_off(flight: Flight, doing: Doing, what: str) -> None:
@@ -263,6 +263,7 @@ def _is_told(told: Telemetry) -> bool:
 
 
 def _wait_until(time_s: float) -> None:
+    # What must not move meanwhile shows only in time.
     time.sleep(max(0.0, time_s - time.monotonic()))
 
 
@@ -278,7 +279,7 @@ def _watched(daemon: DaemonProcess, truth: Truth) -> tuple[Sequence[float], Sequ
             text = f"{told.state.name}: {told.state_reason}"
             if not states or states[-1] != text:
                 states.append(text)
-            time.sleep(0.1)
+            time.sleep(0.1)  # between two looks
     return heights_m, states
 
 

@@ -234,7 +234,7 @@ def _member_name(enum: str, value: str) -> str:
     return name if name.isidentifier() else f"{prefix.rpartition('_')[2]}_{name}"
 
 
-def _of_header(name: str, facts: Any, text: str) -> Iterator[Field]:  # noqa: ANN401
+def _of_header(name: str, facts: Any, text: str) -> Iterator[Field]:  # noqa: ANN401 (as `_facts`)
     """Yields the attributes of a header: of one that has another name, only its frame."""
     frame = f"message.{name}.frame_id"
     if facts.name:
@@ -249,7 +249,7 @@ def _of_header(name: str, facts: Any, text: str) -> Iterator[Field]:  # noqa: AN
 class _Made:
     """Code of one field: its declaration, writing and reading."""
 
-    def __init__(self, reader: _ValueReader, part: FieldDescriptorProto, facts: Any, owner: str) -> None:  # noqa: ANN401
+    def __init__(self, reader: _ValueReader, part: FieldDescriptorProto, facts: Any, owner: str) -> None:  # noqa: ANN401 (as `_facts`)
         self._reader = reader
         self._error_name = f"{owner}{part.name}"
         self._part = part

@@ -91,7 +91,8 @@ class Headroom:
 
         """
         needed_bytes, now_s = WORK_FACTOR * size_bytes, self._clock()
-        self._looked_s = -math.inf  # it takes memory itself by now, and is not among those that are to arrive any more
+        # The request takes memory by now, and no longer counts as one that may arrive.
+        self._looked_s = -math.inf
         with self._lock:  # two at once may not have the same room
             self._promises = [promise for promise in self._promises if now_s - promise[0] < _PROMISE_S]
             self._require(method, self._free_bytes() - sum(promised for _, promised in self._promises), needed_bytes)

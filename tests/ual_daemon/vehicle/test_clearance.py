@@ -644,8 +644,8 @@ BEYOND: dict[str, Any] = {
     "integers": Twist(Vector3(1, 0.0, 0.0)),
     "integers upwards": Twist(Vector3(0.0, 0.0, 1)),
     "an integer to turn": Twist(Vector3(), Vector3(0.0, 0.0, 1)),
-    "no vector": Twist(None),  # type: ignore[arg-type]
-    "no vector to turn": Twist(Vector3(), None),  # type: ignore[arg-type]
+    "no vector": Twist(None),  # type: ignore[arg-type]  # a mistake of the caller
+    "no vector to turn": Twist(Vector3(), None),  # type: ignore[arg-type]  # as above
     "leads through the ceiling": Twist(Vector3(0.0, 0.0, 3.9)),
 }
 

@@ -23,9 +23,9 @@ class SequenceUnwrapper:
         """Of the last message."""
         self._late_s = late_s
         self.newest = 0
-        """The newest number, and when it came. Whoever finds that a message has the next one may count it by himself.
-        """
+        """The newest number. A caller whose message has the next one may set this, `newest_s` and `value` itself."""
         self.newest_s = -math.inf
+        """Time at which the newest number came."""
 
     def update(self, sequence: int, now_s: float) -> int:
         """Takes the number of a message that has arrived. Returns the one that keeps growing."""

@@ -374,5 +374,5 @@ def _frame(data: bytes) -> MavlinkFrame | None:
     message_id = data[7] | data[8] << 8 | data[9] << 16
     if checksum.is_valid(message_id, data, end):
         found = message_id, data[5], data[6], data[4], is_signed, data, data[_HEADER_V2:end]
-        return tuple.__new__(MavlinkFrame, found)  # as `Frame(*found)` does, one call less
+        return tuple.__new__(MavlinkFrame, found)  # as `MavlinkFrame(*found)` does, one call less
     return None
