@@ -264,7 +264,9 @@ def blocks(page: Path, language: str) -> list[str]:
 
 
 def test_the_excerpts_of_write_a_backend_are_the_example() -> None:
-    code = "".join((HOVER / "ual_hover" / f"{name}.py").read_text(encoding="utf-8") for name in ("backend", "session"))
+    engine = ROOT / "ual_daemon" / "backends" / "engine"
+    sources = HOVER / "ual_hover" / "backend.py", engine / "reporting.py"
+    code = "".join(each.read_text(encoding="utf-8") for each in sources)
     *first, program = blocks(DOCS / "how-to" / "write-a-backend.md", "python")
     excerpts = [*first, *blocks(DOCS / "reference" / "backend-interface.md", "python")]
     assert len(excerpts) >= 5

@@ -64,13 +64,13 @@ class _TurnedBackend(MavlinkBackend):
 
     def turn(self) -> None:
         """Receives what has come, and makes an update of it."""
-        assert self._loop is not None
-        self._loop.thread.turn()
+        assert self._receiving is not None
+        self._receiving.thread.turn()
 
     def publish(self) -> None:
         """Publishes a snapshot of what is known."""
         assert self._loop is not None
-        self._loop.loop.publish(self.clock.now_s())
+        self._loop.publish(self.clock.now_s())
 
 
 class ReplayedFlight:

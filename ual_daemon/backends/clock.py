@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 from functools import partial
 
+from typing_extensions import override
+
 from ual_daemon.backends.base import Clock
 
 steady_s = partial(time.clock_gettime, getattr(time, "CLOCK_BOOTTIME", time.CLOCK_MONOTONIC))
@@ -22,3 +24,14 @@ class MonotonicClock(Clock):
 
     now_s = staticmethod(steady_s)
     utc_s = staticmethod(time.time)
+
+
+class SpedUpClock(Clock):
+    """Time of a simulation since the clock was made, by the computer's clock: it passes `speed` times as fast."""
+
+    def __init__(self, speed: float) -> None:
+        self._begin_s, self._speed = time.monotonic(), speed
+
+    @override
+    def now_s(self) -> float:
+        return (time.monotonic() - self._begin_s) * self._speed

@@ -5,7 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import TypeVar
 
 from typing_extensions import override
 
@@ -26,14 +25,13 @@ from ual_daemon.backends.airsim.setpoints import AirsimSetpointSender
 from ual_daemon.backends.airsim.settings import DEFAULT_URL, SECTION, AirsimAddress, AirsimSettings, parse_address
 from ual_daemon.backends.airsim.simulation import AirsimSimulation
 from ual_daemon.backends.airsim.snapshots import API, HOVER, REMOTE_CONTROL, projection_of
-from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, SimulatedPilot, UpdateCallback
+from ual_daemon.backends.base import BackendOptions, SafetyPilot, SimulatedPilot, UpdateCallback
+from ual_daemon.backends.engine.backend import EngineBackend
 from ual_daemon.backends.engine.command import ARMING, FLYING, Command
 from ual_daemon.backends.engine.command_desk import CommandDesk
 from ual_daemon.backends.mailbox import SetpointMailbox
 from ual_daemon.backends.values import Freshness, Setpoint, SetpointLoss, Snapshot, Takes, VehicleInfo, VelocityGains
 from ual_daemon.settings import convert
-
-T = TypeVar("T")
 
 _LIMITS = Limits(
     horizontal_speed_m_s=5.0,
@@ -57,7 +55,7 @@ _CAPABILITIES = frozenset(
 )
 
 
-class AirsimBackend(Backend):
+class AirsimBackend(EngineBackend[AirsimRequest]):
     """One vehicle of a simulator."""
 
     name = "airsim"
@@ -82,7 +80,9 @@ class AirsimBackend(Backend):
         self._session.on_pose = self._cameras.on_report
         self._procedures = Procedures(lambda: self._session.vehicle)
         self._pilot = AirsimPilot(address, lambda: self._session.vehicle, lambda: self._session.report)
-        self._desk = CommandDesk(self._session.loop, clock, self._session.reach)
+        self._offers = (self._cameras,)
+        self._loop = self._session.loop
+        self._desk = CommandDesk(self._loop, clock, self._session.reach)
 
     def _connect(self, address: AirsimAddress) -> RpcConnection:
         return RpcConnection(address)
@@ -135,14 +135,6 @@ class AirsimBackend(Backend):
         )
 
     @override
-    def snapshot(self) -> Snapshot:
-        return self._session.loop.newest.at(self.clock.now_s())
-
-    @override
-    def newest(self) -> tuple[Snapshot, float]:
-        return self._session.loop.newest, self.clock.now_s()
-
-    @override
     def send(self, setpoint: Setpoint) -> None:
         self._session.send(setpoint)
 
@@ -173,13 +165,13 @@ class AirsimBackend(Backend):
     def take_control(self) -> Future[None]:
         actions = (self._procedures.enable, self._procedures.hover) if self._is_off else (self._controlling,)
         request = AirsimRequest(actions, self._session.begin_control)
-        return self._desk.give("take control", lambda: Command("take control", request, FLYING, mode=API.name))
+        return self._order("take control", lambda: Command("take control", request, FLYING, mode=API.name))
 
     @override
     def hold(self) -> Future[None]:
         self._session.begin_hold()
         request = AirsimRequest((self._procedures.require_own_control, self._procedures.hover))
-        return self._desk.give("hold", lambda: Command("hold", request, FLYING, mode=HOVER.name))
+        return self._order("hold", lambda: Command("hold", request, FLYING, mode=HOVER.name))
 
     @override
     def safety_pilot(self) -> SafetyPilot:
@@ -188,10 +180,6 @@ class AirsimBackend(Backend):
     @override
     def simulation(self) -> Simulation:
         return AirsimSimulation(self._session, self._procedures, self._pilot)
-
-    @override
-    def offer(self, kind: type[T]) -> T | None:
-        return self._cameras if isinstance(self._cameras, kind) else None
 
     @override
     def utc_s(self) -> float:
@@ -219,7 +207,7 @@ class AirsimBackend(Backend):
         if not self._is_on_ground():
             return _refusal(f"{what.capitalize()}: not on the ground")
         command = Command(what, AirsimRequest(actions, begin), ARMING, mode=API.name, waits=self._why_not_on_ground)
-        return self._desk.give(what, lambda: command)
+        return self._order(what, lambda: command)
 
     def _why_not_on_ground(self, _: Snapshot) -> str:
         return "" if self._is_on_ground() else "it is not on the ground"

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from typing import TypeVar
 
 from typing_extensions import override
 
@@ -18,19 +17,18 @@ from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.crazyflie import packets
 from ual_daemon.backends.crazyflie.links import CrtpLink, CrtpUdpLink, ScannedLink, make_link, vehicle_key
 from ual_daemon.backends.crazyflie.parameters import CrazyflieParameters
-from ual_daemon.backends.crazyflie.session import CrazyflieSession
+from ual_daemon.backends.crazyflie.session import Ask, CrazyflieSession
 from ual_daemon.backends.crazyflie.settings import SECTION, CrazyflieSettings
 from ual_daemon.backends.crazyflie.vehicle import describe
+from ual_daemon.backends.engine.backend import EngineBackend
 from ual_daemon.backends.mailbox import SetpointMailbox
-from ual_daemon.backends.values import ExternalPose, Freshness, LinkReport, Setpoint, Snapshot, VehicleInfo
+from ual_daemon.backends.values import ExternalPose, Freshness, Setpoint, VehicleInfo
 from ual_daemon.settings import ConfigError, convert
-
-T = TypeVar("T")
 
 _ARMING_LIMIT_S = 5.0
 
 
-class CrazyflieBackend(Backend):
+class CrazyflieBackend(EngineBackend[Ask]):
     """Flies a Crazyflie over Crazyradio, USB, or UDP to its simulator. See ``docs/reference/backends/crazyflie.md``."""
 
     name = SECTION
@@ -48,7 +46,7 @@ class CrazyflieBackend(Backend):
         self._mailbox: SetpointMailbox | None = None
         self._session: CrazyflieSession | None = None
         self._resets_count = 0
-        self._parameters = CrazyflieParameters(lambda: self._session)
+        self._offers = (CrazyflieParameters(lambda: self._session),)
 
     @classmethod
     @override
@@ -71,6 +69,7 @@ class CrazyflieBackend(Backend):
             self._mailbox = SetpointMailbox(self._send_now, self.clock, f"crazyflie setpoints {self.options.ns}")
             self._mailbox.open()
         self._session = self._make_session(on_update)
+        self._loop = self._session.loop
         self._session.thread.open()
 
     def _make_session(self, on_update: UpdateCallback) -> CrazyflieSession:
@@ -90,19 +89,6 @@ class CrazyflieBackend(Backend):
         if self._session is None:
             return describe({}, self._settings.yaw_rate_rad_s, is_simulation=self._is_simulation)
         return self._session.info
-
-    @override
-    def link(self) -> LinkReport:
-        return LinkReport() if self._session is None else self._session.loop.link()
-
-    @override
-    def snapshot(self) -> Snapshot:
-        now_s = self.clock.now_s()
-        return Snapshot(now_s) if self._session is None else self._session.loop.newest.at(now_s)
-
-    @override
-    def newest(self) -> tuple[Snapshot, float]:
-        return Snapshot(0.0) if self._session is None else self._session.loop.newest, self.clock.now_s()
 
     @override
     def send(self, setpoint: Setpoint) -> None:
@@ -143,10 +129,6 @@ class CrazyflieBackend(Backend):
     @override
     def hold(self) -> Future[None]:
         return self._command("hold", lambda session: session.hold())
-
-    @override
-    def offer(self, kind: type[T]) -> T | None:
-        return self._parameters if isinstance(self._parameters, kind) else None
 
     @override
     def set_external_pose(self, measured: ExternalPose) -> None:

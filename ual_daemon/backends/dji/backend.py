@@ -6,7 +6,6 @@ import logging
 from collections.abc import Callable
 from concurrent.futures import Future
 from functools import partial
-from typing import TypeVar
 
 from typing_extensions import override
 
@@ -14,7 +13,7 @@ from ual.errors import RejectedByAutopilotError
 from ual.types import Capability, Limits
 from ual_daemon import logs
 from ual_daemon.backends import futures
-from ual_daemon.backends.base import Backend, BackendOptions, UpdateCallback
+from ual_daemon.backends.base import BackendOptions, UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.dji.cameras import DjiCameras, Surroundings
 from ual_daemon.backends.dji.commands import DjiRequest, Grant, landing, request
@@ -23,6 +22,7 @@ from ual_daemon.backends.dji.session import DjiSession
 from ual_daemon.backends.dji.settings import SECTION, DjiSettings
 from ual_daemon.backends.dji.telemetry import LINK_S, DjiTelemetry
 from ual_daemon.backends.dji.wrappers import DjiCall, Wrapper
+from ual_daemon.backends.engine.backend import EngineBackend
 from ual_daemon.backends.engine.command import FLYING, Command
 from ual_daemon.backends.engine.command_desk import CommandDesk
 from ual_daemon.backends.engine.contained import ErrorBarrier
@@ -32,11 +32,9 @@ from ual_daemon.backends.offers.gimbals import OneGimbal
 from ual_daemon.backends.rosbridge import DEFAULT_URL, Message, RosbridgeLink, parse_url
 from ual_daemon.backends.values import (
     Freshness,
-    LinkReport,
     PositionSetpoint,
     Setpoint,
     SetpointLoss,
-    Snapshot,
     Takes,
     VehicleInfo,
     VelocityGains,
@@ -44,8 +42,6 @@ from ual_daemon.backends.values import (
     VelocityResponses,
 )
 from ual_daemon.settings import convert
-
-T = TypeVar("T")
 
 _log = logging.getLogger(__name__)
 
@@ -73,11 +69,12 @@ _CAPABILITIES = frozenset(
 _UNFLOWN = "the dji backend has flown a simulated aircraft only: see its check list for the first flight"
 
 
-class DjiBackend(Backend):
+class DjiBackend(EngineBackend[DjiRequest]):
     """One aircraft."""
 
     name = SECTION
     clock: MonotonicClock
+    _loop: Loop
     # The wrappers send some of this once a second, unless they are told to send it more often.
     freshness = Freshness(link_s=LINK_S, pose_s=1.0, mode_s=2.5, landed_s=2.5, estimator_s=3.0)
 
@@ -101,7 +98,7 @@ class DjiBackend(Backend):
         )
         self._cameras = DjiCameras(around)
         self._gimbal = DjiGimbal(around, self._link.publish, self._heading_rad)
-        self._gimbals = OneGimbal(self._gimbal)
+        self._offers = (self._cameras, OneGimbal(self._gimbal))
         self._session.on_payload = self._on_payload
         self._contained = ErrorBarrier("the cameras"), ErrorBarrier("the gimbal")
 
@@ -158,18 +155,6 @@ class DjiBackend(Backend):
         )
 
     @override
-    def link(self) -> LinkReport:
-        return self._loop.link()
-
-    @override
-    def snapshot(self) -> Snapshot:
-        return self._loop.newest.at(self.clock.now_s())
-
-    @override
-    def newest(self) -> tuple[Snapshot, float]:
-        return self._loop.newest, self.clock.now_s()
-
-    @override
     def send(self, setpoint: Setpoint) -> None:
         assert not isinstance(setpoint, PositionSetpoint)  # VehicleInfo.takes
         self._session.send(setpoint)
@@ -197,7 +182,7 @@ class DjiBackend(Backend):
         telemetry = self._session.telemetry
         if telemetry is not None and telemetry.wrapper.land is None:
             return _refusal("Land: this wrapper's own landing blocks it (VehicleInfo.flies_landing_on_setpoints)")
-        return self._desk.give("land", self._landing)
+        return self._order("land", self._landing)
 
     def _landing(self) -> Command[DjiRequest]:
         telemetry = self._session.telemetry
@@ -213,7 +198,7 @@ class DjiBackend(Backend):
         why_lost = telemetry.why_authority_lost
         if why_lost:
             return _refusal(f"Disarm: others have taken it over ({why_lost}), and its motors are theirs to stop")
-        return self._desk.give("disarm", lambda: request("stop its motors", telemetry.wrapper.motors_off))
+        return self._order("disarm", lambda: request("stop its motors", telemetry.wrapper.motors_off))
 
     @override
     def take_control(self) -> Future[None]:
@@ -221,7 +206,7 @@ class DjiBackend(Backend):
 
     @override
     def hold(self) -> Future[None]:
-        return self._desk.give("hold", lambda: self._session.release(FLYING))
+        return self._order("hold", lambda: self._session.release(FLYING))
 
     def _with_authority(
         self, what: str, command: Callable[[Wrapper, Grant], Command[DjiRequest]] | None, *, is_known: bool = True
@@ -233,14 +218,9 @@ class DjiBackend(Backend):
                 session.end_landing()
             return session.with_authority(grant, command, is_known=is_known)
 
-        result = self._desk.give(what, make)
+        result = self._order(what, make)
         result.add_done_callback(partial(session.let_go, grant))
         return result
-
-    @override
-    def offer(self, kind: type[T]) -> T | None:
-        offers: tuple[object, ...] = (self._cameras, self._gimbals)
-        return next((each for each in offers if isinstance(each, kind)), None)
 
     @property
     def _is_on_ground(self) -> bool:

@@ -18,6 +18,7 @@ from ual.types import Limits
 from ual_daemon.backends import futures
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
+from ual_daemon.backends.engine.backend import EngineBackend
 from ual_daemon.backends.engine.command_desk import CommandDesk
 from ual_daemon.backends.firmwares.safety_pilot import LinkPilot
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
@@ -55,13 +56,13 @@ from ual_daemon.backends.mavlink.settings import SECTION, MavlinkSettings, defau
 from ual_daemon.backends.mavlink.wire.shared_link import SharedLink
 from ual_daemon.backends.mavlink.wire.signing import Signer, read_key
 from ual_daemon.backends.offers.cameras import Viewpoint
-from ual_daemon.backends.values import ExternalPose, Freshness, LinkReport, Setpoint, Snapshot, VehicleInfo
+from ual_daemon.backends.values import ExternalPose, Freshness, LinkReport, Setpoint, VehicleInfo
 from ual_daemon.settings import ConfigError, convert
 
 T = TypeVar("T")
 
 
-class MavlinkBackend(Backend):
+class MavlinkBackend(EngineBackend[CommandLong]):
     """Flies a PX4 or an ArduCopter over MAVLink; only watches others. See ``docs/reference/backends/mavlink.md``."""
 
     name = SECTION
@@ -87,8 +88,7 @@ class MavlinkBackend(Backend):
         self._payload_messages = PayloadMessages()
         self._payload = MavlinkPayload(lambda what, make: self._command(what, lambda _: make()), self._payload_messages)
         self._discovery: Discovery | None = None
-        self._loop: ReceiveLoop | None = None
-        self._desk: CommandDesk[CommandLong] | None = None
+        self._receiving: ReceiveLoop | None = None
         self._pictures = HttpPictures(self._settings.picture_hosts)
         reach = ProtocolAccess(self._last_session, self._reach, self._post, self._give)
         parameters, lists = MavlinkParameters(reach), MavlinkLists(reach)
@@ -133,12 +133,12 @@ class MavlinkBackend(Backend):
     @override
     def close(self) -> None:
         self._pictures.close()
-        if self._loop is not None:
-            self._loop.close()
+        if self._receiving is not None:
+            self._receiving.close()
 
     @override
     def info(self) -> VehicleInfo:
-        return VehicleInfo() if self._loop is None else self._loop.info
+        return VehicleInfo() if self._receiving is None else self._receiving.info
 
     def link_statistics(self) -> LinkStatistics:
         """Returns the quality of the link. From any thread."""
@@ -149,15 +149,6 @@ class MavlinkBackend(Backend):
     def link(self) -> LinkReport:
         found = self.link_statistics()
         return LinkReport(found.rate_hz, found.loss, found.round_trip_s, found.lost_count, found.reboots_count)
-
-    @override
-    def snapshot(self) -> Snapshot:
-        now_s = self.clock.now_s()
-        return Snapshot(now_s) if self._loop is None else self._loop.loop.newest.at(now_s)
-
-    @override
-    def newest(self) -> tuple[Snapshot, float]:
-        return Snapshot(0.0) if self._loop is None else self._loop.loop.newest, self.clock.now_s()
 
     @override
     def send(self, setpoint: Setpoint) -> None:
@@ -216,7 +207,7 @@ class MavlinkBackend(Backend):
     def request_home(self) -> None:
         session, loop = self._session_in_reach(self.clock.now_s()), self._loop
         if session is not None and loop is not None:
-            loop.loop.post(session.request_home)
+            loop.post(session.request_home)
 
     @override
     def utc_s(self) -> float:
@@ -229,10 +220,6 @@ class MavlinkBackend(Backend):
     @override
     def payload(self) -> MavlinkPayload:
         return self._payload
-
-    @override
-    def offer(self, kind: type[T]) -> T | None:
-        return next((each for each in self._offers if isinstance(each, kind)), None)
 
     def _now_s(self) -> float:
         return self.clock.now_s()
@@ -275,14 +262,14 @@ class MavlinkBackend(Backend):
         """Has something done on the thread that receives."""
         discovery, loop = self._discovery, self._loop
         if discovery is not None and loop is not None:
-            loop.loop.post(lambda _: request(discovery))
+            loop.post(lambda _: request(discovery))
 
     def _give(self, what: str, begin: Callable[[Discovery, Future[T]], object]) -> Future[T]:
         """Returns a future that is ended on the thread that receives."""
         discovery, loop = self._discovery, self._loop
         if discovery is None or loop is None:
-            return futures.failed(self._unheard(what))
-        return loop.loop.give(what, lambda future, _: begin(discovery, future))
+            return futures.failed(self._unreached(what))
+        return loop.give(what, lambda future, _: begin(discovery, future))
 
     def _start(self, connection: LinkConnection, on_update: UpdateCallback) -> None:
         """Starts the thread that receives through a connection."""
@@ -295,32 +282,34 @@ class MavlinkBackend(Backend):
         cameras.carried = self._carried
         cameras.first_number = int(self._settings.has_camera_trigger)
         name = f"mavlink {self.options.ns}"
-        loop = self._loop = ReceiveLoop(connection, discovery, self.clock, self._use_freshness, on_update, name)
-        self._desk = CommandDesk(loop.loop, self.clock, self._reach)
+        receiving = ReceiveLoop(connection, discovery, self.clock, self._use_freshness, on_update, name)
+        self._receiving, self._loop = receiving, receiving.loop
+        self._desk = CommandDesk(receiving.loop, self.clock, self._reach)
         if self.on_packet is not None:
             tap = PacketTap(self.on_packet, connection, self.clock)
-            connection.on_sent, loop.on_received = tap.sent, tap.received
-        loop.thread.open()
+            connection.on_sent, receiving.on_received = tap.sent, tap.received
+        receiving.thread.open()
 
     def _use_freshness(self, freshness: Freshness) -> None:
         self.freshness = freshness
 
     def _command(self, what: str, make: Callable[[Dialect], LongCommand]) -> Future[None]:
         """Passes a command to the thread that receives; its future ends there."""
-        session, desk = self._reach(what), self._desk
-        if isinstance(session, UalError) or desk is None:
-            return futures.failed(session if isinstance(session, UalError) else self._unheard(what))
-        return desk.give(what, lambda: make(session.dialect))
+        session = self._reach(what)
+        if isinstance(session, UalError):
+            return futures.failed(session)
+        return self._order(what, lambda: make(session.dialect))
 
     def _reach(self, what: str) -> MavlinkSession | UalError:
         """Returns the session that commands go to now, or why there is none."""
         session = self._session_in_reach(self.clock.now_s())
         if session is None:
-            return self._unheard(what)
+            return self._unreached(what)
         conflict = session.telemetry.conflict
         return RejectedByAutopilotError(f"cannot {what}: {conflict}") if conflict else session
 
-    def _unheard(self, what: str) -> LinkLostError:
+    @override
+    def _unreached(self, what: str) -> LinkLostError:
         return LinkLostError(f"cannot {what}: no autopilot is heard at {self.url}")
 
     def _session_in_reach(self, now_s: float) -> MavlinkSession | None:

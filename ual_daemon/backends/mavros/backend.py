@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Future
-from typing import Any, TypeVar
+from typing import Any
 
 from typing_extensions import override
 
 from ual.errors import LinkLostError
 from ual.types import GeoPoint, Limits
 from ual_daemon.backends import futures
-from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
+from ual_daemon.backends.base import BackendOptions, SafetyPilot, UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
+from ual_daemon.backends.engine.backend import EngineBackend
 from ual_daemon.backends.engine.command import Command
 from ual_daemon.backends.engine.command_desk import CommandDesk
 from ual_daemon.backends.engine.command_runner import CommandRunner
@@ -38,13 +39,11 @@ from ual_daemon.backends.mavros.session import FRESHNESS, MavrosSession
 from ual_daemon.backends.mavros.settings import SECTION, MavrosSettings
 from ual_daemon.backends.offers.gimbals import OneGimbal
 from ual_daemon.backends.rosbridge import DEFAULT_URL, Message, RosbridgeLink, RosGeneration, parse_url
-from ual_daemon.backends.values import LinkReport, Setpoint, Snapshot, VehicleInfo
+from ual_daemon.backends.values import Setpoint, Snapshot, VehicleInfo
 from ual_daemon.settings import convert
 
-T = TypeVar("T")
 
-
-class MavrosBackend(Backend):
+class MavrosBackend(EngineBackend[MavrosCall]):
     """Flies a PX4 or an ArduCopter through MAVROS. See ``docs/reference/backends/mavros.md``."""
 
     name = SECTION
@@ -61,8 +60,6 @@ class MavrosBackend(Backend):
         self._setpoint_topic = f"{self._settings.node}/{topics.SETPOINT}"
         self._link: RosbridgeLink | None = None
         self._discovery: MavrosDiscovery | None = None
-        self._loop: Loop | None = None
-        self._desk: CommandDesk[MavrosCall] | None = None
         self._on_update: UpdateCallback = lambda _: None
         self._info = VehicleInfo()
         self._has_news = False
@@ -131,7 +128,7 @@ class MavrosBackend(Backend):
 
     def _why_no_corrections(self) -> str:
         is_in_reach = self._session_in_reach(self.clock.now_s()) is not None
-        return "" if is_in_reach else self._why_not("send corrections").message
+        return "" if is_in_reach else self._unreached("send corrections").message
 
     @override
     def open(self, on_update: UpdateCallback) -> None:
@@ -157,19 +154,6 @@ class MavrosBackend(Backend):
     @override
     def info(self) -> VehicleInfo:
         return self._info
-
-    @override
-    def link(self) -> LinkReport:
-        return LinkReport() if self._loop is None else self._loop.link()
-
-    @override
-    def snapshot(self) -> Snapshot:
-        now_s, loop = self.clock.now_s(), self._loop
-        return Snapshot(now_s) if loop is None else loop.newest.at(now_s)
-
-    @override
-    def newest(self) -> tuple[Snapshot, float]:
-        return Snapshot(0.0) if self._loop is None else self._loop.newest, self.clock.now_s()
 
     @override
     def send(self, setpoint: Setpoint) -> None:
@@ -227,10 +211,6 @@ class MavrosBackend(Backend):
     def safety_pilot(self) -> SafetyPilot | None:
         return LinkPilot(lambda: self._session_in_reach(self.clock.now_s()), self.arm)
 
-    @override
-    def offer(self, kind: type[T]) -> T | None:
-        return next((each for each in self._offers if isinstance(each, kind)), None)
-
     # --- On the link's thread -----------------------------------------------------------------------------------------
 
     def _woke(self) -> float:
@@ -278,18 +258,17 @@ class MavrosBackend(Backend):
         def make_now() -> Command[MavrosCall]:
             session = None if self._discovery is None else self._discovery.session
             if session is None:  # it was in reach a moment ago
-                raise self._why_not(what)
+                raise self._unreached(what)
             return make(session)
 
-        desk = self._desk
-        return futures.failed(self._why_not(what)) if desk is None else desk.give(what, make_now)
+        return self._order(what, make_now)
 
     def _give(self, what: str, command: Command[MavrosCall]) -> Future[None]:
         return self._command(what, lambda _: command)
 
     def _reach(self, what: str) -> CommandRunner[MavrosCall] | LinkLostError:
         session = self._session_in_reach(self.clock.now_s())
-        return self._why_not(what) if session is None else session.runner
+        return self._unreached(what) if session is None else session.runner
 
     # --- For what is offered beside flying ----------------------------------------------------------------------------
 
@@ -321,7 +300,7 @@ class MavrosBackend(Backend):
         return MissionAccess(lists, autopilot, heard, lists.choose, fly, self._parameters.read, here)
 
     def _reached(self, what: str) -> MavrosSession | LinkLostError:
-        return self._session_in_reach(self.clock.now_s()) or self._why_not(what)
+        return self._session_in_reach(self.clock.now_s()) or self._unreached(what)
 
     def _post(self, request: Posted) -> None:
         if self._loop is not None:
@@ -330,7 +309,7 @@ class MavrosBackend(Backend):
     def _give_future(self, what: str, begin: Callable[[Future[Any]], None]) -> Future[Any]:
         """Returns a future that `begin` has something end on the link's thread."""
         if self._loop is None:
-            return futures.failed(self._why_not(what))
+            return futures.failed(self._unreached(what))
         return self._loop.give(what, lambda future, _: begin(future))
 
     def _call_slowly(self, service: str, arguments: Message, limit_s: float) -> Future[Message]:
@@ -345,7 +324,8 @@ class MavrosBackend(Backend):
     def _node(self) -> str:
         return self.url.resolve(self._settings.node)
 
-    def _why_not(self, what: str) -> LinkLostError:
+    @override
+    def _unreached(self, what: str) -> LinkLostError:
         why = "" if self._discovery is None else self._discovery.why_not
         return LinkLostError(f"cannot {what}: {why or f'no autopilot is heard at {self.url}'}")
 
