@@ -52,6 +52,7 @@ class Flown:
         self.updates: list[Snapshot] = []
         backend.is_watch_only = self._is_watch_only
         backend._session = backend._make_session(self.updates.append)
+        backend._loop = backend._session.loop
         return backend
 
     def restart_daemon(self) -> None:

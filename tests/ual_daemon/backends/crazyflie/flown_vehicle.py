@@ -36,6 +36,7 @@ class FlownVehicle(Flown):
         backend = super()._make_backend()
         self.vehicle = Vehicle(backend, allow_arming=True)
         backend._session = backend._make_session(self.vehicle._on_update)
+        backend._loop = backend._session.loop
         return backend
 
     @property
