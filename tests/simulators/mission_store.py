@@ -202,6 +202,11 @@ class Px4Store(MissionStore):
         self.opaque_ids[kind] = crc
         super().keep(kind, items)
 
+    @property
+    def is_idle(self) -> bool:
+        """Whether it has no transfer, so that any station may begin one."""
+        return self._state == "idle"
+
     def current(self, seq: int = 0, state: int = 1) -> Message:
         """Returns the MISSION_CURRENT."""
         ids = [("I", self.opaque_ids[kind]) for kind in (MISSION, FENCE, RALLY)]

@@ -52,6 +52,7 @@ class ArduCopter(ardupilot.ArduCopter, Dialect):
     parameter_codec = Cast()
     packed_parameters = "@PARAM/param.pck"
     # A quarter as often until 1 s after the last answer (GCS_MAVLINK::get_reschedule_interval_ms), and less evenly.
+    takes_ftp_session = True
     rates_beside_files = 6.0
     keeps_items = True
     tells_baseline = True

@@ -85,6 +85,11 @@ class _Dialogue(Exchange[T]):
             self._after(step)
         self._steps.close()
 
+    @property
+    def is_opening(self) -> bool:
+        """Whether a file was asked to be opened, and no answer has come."""
+        return isinstance(self._step, FtpRequest) and self._step.is_opening
+
     def on_packet(self, packet: FtpPacket, now_s: float) -> None:
         """Takes an answer."""
         if self._step is not None:
@@ -166,6 +171,8 @@ class Ftp(Protocol):
         self._is_gentle = is_gentle
         self._streams = _StreamRates(speed_up)
         self._link: FtpLink | None = None
+        self._session = 0
+        """The session of a file whose opening was not answered."""
         self._file: OpenFile | None = None
         self._waiting: deque[_Dialogue[Any]] = deque()
         self._running: _Dialogue[Any] | None = None
@@ -185,10 +192,19 @@ class Ftp(Protocol):
     def attach(self, target: MessageSource, dialect: Dialect) -> None:
         self.drop("another autopilot was found")
         self._streams.factor = dialect.rates_beside_files
+        self._session = _SESSION if dialect.takes_ftp_session else 0
         self._link = FtpLink(
             lambda payload: self._send(mavlink.MAVLink_file_transfer_protocol_message(0, *target, payload)),
             self._is_gentle,
         )
+
+    @override
+    def release(self) -> None:
+        if self._running is not None:
+            self._keep_opened(self._running)
+        file, self._file = self._file, None
+        if file is not None and self._link is not None:
+            self._link.request(self._link.next_sequence(), Opcode.TERMINATE_SESSION, file.session, 0, b"", 0)
 
     @override
     def drop(self, why: str) -> None:
@@ -202,6 +218,8 @@ class Ftp(Protocol):
     def tick(self, now_s: float) -> None:
         self._now_s = now_s
         while self._running is None or self._running.is_over:
+            if self._running is not None:
+                self._keep_opened(self._running)
             if not self._waiting:
                 self._running = None
                 break
@@ -213,6 +231,12 @@ class Ftp(Protocol):
             self._running.tick(now_s)
         elif self._file is not None and now_s - self._file.used_s > IDLE_S:
             self.run(Future(), self.closed())
+
+    def _keep_opened(self, left: _Dialogue[Any]) -> None:
+        """Takes the file that an exchange which is left may have opened, so that it is closed."""
+        if left.is_opening:
+            self._file = OpenFile("", self._session, 0)
+            self._file.used_s = self._now_s
 
     def on_message(self, message: Message, now_s: float) -> None:
         """Takes a FILE_TRANSFER_PROTOCOL."""

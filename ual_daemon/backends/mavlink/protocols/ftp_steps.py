@@ -167,6 +167,11 @@ class FtpRequest(FtpStep[FtpPacket]):
         self._tries_count = 0
         self._next_s = -math.inf
 
+    @property
+    def is_opening(self) -> bool:
+        """Whether it is the opening of a file, was sent, and has no answer."""
+        return self._opcode == Opcode.OPEN_FILE_RO and self._tries_count > 0 and not self.is_over
+
     @override
     def tick(self, link: FtpLink, now_s: float) -> None:
         if now_s < self._next_s or self.is_over:

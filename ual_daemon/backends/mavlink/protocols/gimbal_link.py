@@ -83,6 +83,8 @@ class GimbalLink:
         self.meant: GimbalReference | None = None
         """Axes of its attitude, whatever its flags say. None: as they say."""
         self._controller: MessageSource | None = None
+        self._takes_control = False
+        """Whether this daemon has ordered to take the control, and not given it up since."""
         self._orders: dict[int, CameraOrder] = {}
         self._next: dict[int, CameraOrder] = {}
         self._quiet_until_s: dict[int, float] = {}
@@ -90,6 +92,8 @@ class GimbalLink:
         """Until when an answer to each kind of order may be to one that has ended."""
         self._next_ask_s = -math.inf
         self._asks_count = 0
+        self.has_asked = False
+        """Whether it was asked for its streams."""
         self._is_odd = False
 
     # --- What is known ------------------------------------------------------------------------------------------------
@@ -169,20 +173,30 @@ class GimbalLink:
         """Gives the control up."""
         self._configure((_RELEASE, _RELEASE), future)
 
-    def _configure(self, primary: Sequence[float], future: Future[None]) -> None:
+    def leave(self) -> None:
+        """Gives the control up, once and without an answer, where this daemon may have it: a manager ignores others."""
+        if self._takes_control:
+            self._command(_CONFIGURE, self._configuration((_RELEASE, _RELEASE)), 0)
+
+    def _configuration(self, primary: Sequence[float]) -> tuple[float, ...]:
         system_id, component_id = map(float, primary)
+        return system_id, component_id, _UNCHANGED, _UNCHANGED, 0.0, 0.0, float(self.device_id)
+
+    def _configure(self, primary: Sequence[float], future: Future[None]) -> None:
+        system_id = float(primary[0])
+        self._takes_control = self._takes_control or system_id >= 0.0
 
         def on_done(done: Future[None]) -> None:
             if done.cancelled() or done.exception() is not None:
                 return
+            self._takes_control = system_id >= 0.0
             if system_id >= 0.0:
                 self._controller = self._line.own_ids()
             elif self.control[0] is GimbalControl.OURS:
                 self._controller = MessageSource(0, 0)
 
         future.add_done_callback(on_done)
-        params = (system_id, component_id, _UNCHANGED, _UNCHANGED, 0.0, 0.0, float(self.device_id))
-        self._add(_CONFIGURE, params, future)
+        self._add(_CONFIGURE, self._configuration(primary), future)
 
     def _add(self, command_id: int, params: Sequence[float], future: Future[None]) -> None:
         line = CameraLine(self._command, self.name)
@@ -205,6 +219,7 @@ class GimbalLink:
             self._identities = Agreement(self._identities.value)
         self.is_identified, self.is_kind_known = False, is_kind_known
         self.attitude = self.meant = self._controller = None
+        self._takes_control = False
         self._next_ask_s, self._asks_count = -math.inf, 0
 
     def drop(self, error: UalError) -> None:
@@ -292,6 +307,7 @@ class GimbalLink:
             self._asks_count = 0
             return
         self._asks_count += 1
+        self.has_asked = True
         if not self.is_kind_known:
             self._line.read_kind()
         self._next_ask_s = now_s + (ASK_S if self._asks_count < SOON_COUNT else LATER_ASK_S)

@@ -16,7 +16,12 @@ from typing_extensions import override
 from ual.errors import LinkLostError
 from ual.gimbals import GimbalAbility
 from ual_daemon.backends.engine.agreement import Agreement
-from ual_daemon.backends.mavlink.dialects.command_long import LongCommand, request_message, set_message_interval
+from ual_daemon.backends.mavlink.dialects.command_long import (
+    LongCommand,
+    default_interval,
+    request_message,
+    set_message_interval,
+)
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.protocols.gimbal_link import GimbalLine, GimbalLink
 from ual_daemon.backends.mavlink.protocols.protocol import Handler, Protocol
@@ -115,6 +120,15 @@ class GimbalProtocol(Protocol):
             self.drop("another autopilot was found")
         self._target, self._dialect = target, dialect
         self._forget()
+
+    @override
+    def release(self) -> None:
+        for each in self.found:
+            each.leave()
+            if each.has_asked:
+                for message_id in (_ATTITUDE, _STATUS):
+                    stream = default_interval(set_message_interval(message_id, 1.0))
+                    self._means.send(stream.request.encode(each.manager, 0))
 
     @override
     def drop(self, why: str) -> None:

@@ -267,6 +267,12 @@ class LogTransfers(Protocol):
         )
 
     @override
+    def release(self) -> None:
+        if self._used_s is not None and self._target is not None:
+            self._used_s = None
+            self._send(mavlink.MAVLink_log_request_end_message(*self._target))
+
+    @override
     def drop(self, why: str) -> None:
         error = LinkLostError(f"its logs were not read: {why}")
         for exchange in (*self._waiting, *([] if self._running is None else [self._running])):
@@ -284,9 +290,8 @@ class LogTransfers(Protocol):
         if self._running is not None:
             self._running.tick(now_s)
             self._used_s = now_s
-        elif self._used_s is not None and now_s - self._used_s > IDLE_S and self._target is not None:
-            self._used_s = None
-            self._send(mavlink.MAVLink_log_request_end_message(*self._target))
+        elif self._used_s is not None and now_s - self._used_s > IDLE_S:
+            self.release()
 
     def list(self, future: Future[list[LogEntry]]) -> None:
         """Lists the logs."""

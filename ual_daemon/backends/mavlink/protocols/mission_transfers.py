@@ -71,6 +71,12 @@ class MissionTransfers(Protocol):
         self._refused_name = "" if dialect.keeps_items else dialect.name
 
     @override
+    def release(self) -> None:
+        asked = self._running
+        if asked is not None and (not asked.taker.is_over or asked.taker.future.cancelled()):
+            asked.taker.withdraw()
+
+    @override
     def drop(self, why: str) -> None:
         if self._running is not None:
             text = f"{self._running.kind.text}: the transfer was not finished: {why}"

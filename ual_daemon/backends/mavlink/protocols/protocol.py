@@ -33,6 +33,12 @@ class Protocol(ABC):
     def attach(self, target: MessageSource, dialect: Dialect) -> None:
         """Exchanges with this autopilot from now on. What is under way with another one ends."""
 
+    def release(self) -> None:  # noqa: B027 - most have nothing open
+        """Sends once what closes on the autopilot what this daemon has open there, as the daemon ends.
+
+        No answer is awaited. `drop` follows.
+        """
+
     @abstractmethod
     def drop(self, why: str) -> None:
         """Ends all exchanges: the autopilot has booted, or the daemon ends."""

@@ -92,6 +92,11 @@ class Protocols(Protocol):
             protocol.attach(target, dialect)
 
     @override
+    def release(self) -> None:
+        for protocol in self._all:
+            self._contained[protocol].call(protocol.release)
+
+    @override
     def drop(self, why: str) -> None:
         for protocol in self._all:
             protocol.drop(why)

@@ -136,9 +136,12 @@ class Discovery(Selector):
             self.session.restart_setup()
 
     def release(self) -> None:
-        """Ends the session: the autopilot need not send what was requested any more."""
+        """Ends the session: the autopilot need not send what was requested, nor keep open what was opened."""
+        is_heard = self.session is not None and self.watch.state is not LinkWatchState.LOST
+        if is_heard:
+            self.protocols.release()
         self.protocols.drop("the daemon ends")
-        if self.session is not None and self.watch.state is not LinkWatchState.LOST:
+        if self.session is not None and is_heard:
             self.session.release()
 
     def tick(self, now_s: float) -> None:

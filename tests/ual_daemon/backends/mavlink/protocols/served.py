@@ -12,6 +12,7 @@ from tests.simulators.channel import Channel
 from tests.simulators.files import FileStore
 from tests.simulators.mission_store import Sender
 from ual.errors import UalError
+from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.protocols.ftp import Ftp, Steps
 from ual_daemon.backends.mavlink.protocols.log_transfers import LogTransfers
@@ -53,7 +54,7 @@ class Served:
         self._server = self.store.handlers()
         self._sender = Sender(cast("Channel", _Down(self._down)), *HERE)
         for each in (self.ftp, self.logs):
-            each.attach(MessageSource(1, 1), Px4())
+            each.attach(MessageSource(1, 1), Px4() if is_px4 else ArduCopter())
 
     def step(self) -> None:
         """A hundredth of a second passes."""

@@ -159,11 +159,15 @@ class Bench:
             if self.source != AUTOPILOT and round(self.now_s / STEP_S) % round(1.0 / STEP_S) == 0:
                 self.manager.heartbeat()
             self.gimbals.tick(self.now_s)
-            for message in self._passing(self._to_it):
-                self.manager.on_message(message)
+            self.deliver()
             self.manager.tick()
             for who, message in self._passing(self._to_us):
                 self.receive(who, message)
+
+    def deliver(self) -> None:
+        """Gives the manager what was sent to it."""
+        for message in self._passing(self._to_it):
+            self.manager.on_message(message)
 
     def receive(self, who: MessageSource, message: Message) -> None:
         """Gives us a message of a component, or of the autopilot."""

@@ -322,3 +322,57 @@ def test_whatever_is_answered_each_exchange_ends_and_nothing_grows(seed: int) ->
         assert all(each.done() for each in made)
         ended_count += len(made)
     assert ended_count
+
+
+# --- The end of the daemon --------------------------------------------------------------------------------------------
+
+
+BURST_S = 2.0
+"""Longer than a burst of ArduPilot, which does one thing after the other."""
+
+
+def end(served: Served) -> None:
+    """Ends the daemon."""
+    for each in (served.ftp, served.logs):
+        each.release()
+        each.drop("the daemon ends")
+    served.run(BURST_S)
+
+
+@pytest.mark.parametrize("is_read", [False, True])
+def test_a_daemon_that_ends_closes_its_file(served: Served, is_read: bool) -> None:
+    served.store.files = {LOG: content(1_000_000)}
+    if is_read:
+        served.done(served.ftp.read(LOG, 0, 10_000))
+    else:
+        served.ftp.run(Future(), served.ftp.read(LOG, 0, 1_000_000))
+        served.run(0.1)
+    assert served.store.is_open
+    end(served)
+    assert not served.store.is_open
+    assert opcodes(served).count(Opcode.TERMINATE_SESSION) == 1
+
+
+@pytest.mark.parametrize("is_given_up", [False, True])
+def test_a_file_whose_opening_is_not_answered_is_closed(served: Served, is_given_up: bool) -> None:
+    served.store.files = {LOG: content(1000)}
+    served.spoil = lambda _: None
+    future: Future[bytes] = Future()
+    served.ftp.run(future, served.ftp.read(LOG, 0, 1000))
+    served.run(0.1)
+    assert served.store.is_open
+    if is_given_up:
+        future.cancel()
+        served.run(IDLE_S + 0.5)
+    else:
+        end(served)
+    assert not served.store.is_open
+
+
+def test_a_daemon_that_ends_without_a_file_closes_none(served: Served) -> None:
+    served.store.files = {LOG: content(1000)}
+    served.done(served.ftp.read_all(LOG, 10_000))
+    served.done(served.ftp.list_directory(LOG.rpartition("/")[0]))
+    before = opcodes(served)
+    end(served)
+    assert opcodes(served) == before

@@ -400,6 +400,36 @@ def test_its_control_is_taken_by_our_ids_and_given_up() -> None:
     assert link.control == (GimbalControl.OTHER, "system 255, component 190")
 
 
+def test_a_daemon_that_ends_gives_its_control_up_and_its_streams_back() -> None:
+    bench = Bench()
+    link = bench.found()
+    bench.ended(link.take)
+    bench.gimbals.release()
+    bench.gimbals.drop("the daemon ends")
+    bench.deliver()
+    assert bench.manager.orders[-1][1][:2] == (-3.0, -3.0)
+    assert bench.manager.controller == (0, 0)
+    assert set(bench.manager.streamed.values()) == {0.0}
+
+
+def test_a_daemon_that_ends_leaves_the_control_that_it_never_took() -> None:
+    """Another daemon may have the same ids."""
+    bench = Bench()
+    link = bench.found()
+    bench.manager.controller = OURS
+    bench.step()
+    assert link.control[0] is GimbalControl.OURS
+    bench.gimbals.release()
+    bench.deliver()
+    assert bench.manager.orders == []
+    bench.ended(link.take)
+    bench.ended(link.release)
+    before = list(bench.manager.orders)
+    bench.gimbals.release()
+    bench.deliver()
+    assert bench.manager.orders == before
+
+
 # --- Vanishing --------------------------------------------------------------------------------------------------------
 
 

@@ -132,6 +132,23 @@ def test_the_autopilot_is_told_when_no_more_is_wanted(served: Served) -> None:
     assert kinds(served).count("LOG_REQUEST_END") == 1
 
 
+@pytest.mark.parametrize("is_read", [False, True])
+def test_a_daemon_that_ends_tells_that_no_more_is_wanted_once(served: Served, is_read: bool) -> None:
+    with_logs(served, 500_000)
+    first = listed(served)[0].id
+    if is_read:
+        read(served, first, 0, 1000)
+    else:
+        served.logs.read(first, 0, 500_000, Future())
+        served.run(0.05)
+    for _ in range(2):
+        served.logs.release()
+    served.logs.drop("the daemon ends")
+    served.run(0.1)
+    assert kinds(served).count("LOG_REQUEST_END") == 1
+    assert kinds(served)[-1] == "LOG_REQUEST_END"
+
+
 def test_silence_and_a_boot_end_what_is_asked_for(served: Served) -> None:
     with_logs(served, 100_000)
     [log] = listed(served)

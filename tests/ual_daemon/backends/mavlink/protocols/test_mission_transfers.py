@@ -397,6 +397,29 @@ def test_one_that_is_not_waited_for_any_more_is_ended(bench: Bench) -> None:
     assert later.done()
 
 
+@pytest.mark.parametrize("is_withdrawn", [False, True])
+def test_a_daemon_that_ends_tells_the_autopilot_that_its_transfer_has_ended(
+    bench: Bench, *, is_withdrawn: bool
+) -> None:
+    future = bench.replace(circles(2))
+    bench.take(request(0))
+    if is_withdrawn:
+        future.cancel()
+    bench.requests()
+    bench.transfers.release()
+    bench.transfers.drop("the daemon ends")
+    bench.tick(1)
+    assert bench.requests() == [f"ack {CANCELLED}"]
+
+
+def test_a_daemon_that_ends_without_a_transfer_tells_nothing(bench: Bench) -> None:
+    bench.download()
+    bench.take(count(0))
+    bench.requests()
+    bench.transfers.release()
+    assert bench.requests() == []
+
+
 def test_changes_of_a_list_are_counted_however_they_end(bench: Bench) -> None:
     bench.replace([]).cancel()
     bench.tick()
