@@ -34,7 +34,7 @@ from ual_daemon.flight.flown import SILENT, CurrentManoeuvre, Ending
 from ual_daemon.flight.manoeuvres.fly_reference import FlyReference, ReferenceRules
 from ual_daemon.flight.manoeuvres.land import Landing
 from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Manoeuvre
-from ual_daemon.flight.manoeuvres.recover import Recover
+from ual_daemon.flight.manoeuvres.recover import ENTERED_S, Recover
 from ual_daemon.flight.manoeuvres.stand_by import Here, StandBy, TakeToStandBy
 from ual_daemon.flight.mission_stop import MissionStop
 from ual_daemon.flight.policy.arming import Arming
@@ -140,6 +140,8 @@ class Flight:
         """Makes a landing on the spot as a task; set from above."""
         self._stood_by = self._logged_fall = 0
         """The `Following.count` for which what was flown has ended, and that which the log has."""
+        self._withdrawn: tuple[Manoeuvre, float] | None = None
+        """What was flown as the UAV fell, and when it was withdrawn: the mode of its command may come yet."""
         self._explanation = Explanation(backend, self.authority, self.is_flown_by_us)
         self.external_silence = self._explanation.external_silence
         self.position = PositionWatch(self.external_silence)
@@ -700,12 +702,11 @@ class Flight:
         if self._logged_fall != following.count:
             self._logged_fall = following.count
             logs.event(_log, logging.ERROR, "does_not_follow", why=following.why, remedy=following.told(raw).why)
-        is_first = self._stood_by != following.count
-        if not is_first and (
-            isinstance(old, StandBy | Landing | Recover) or (old is None and not self._has_references(raw))
-        ):
+        is_first, is_own = self._stood_by != following.count, self._is_in_withdrawn_mode(old, snapshot, raw)
+        is_idle = isinstance(old, StandBy | Landing | Recover) or (old is None and not self._has_references(raw))
+        if is_idle and not is_first and not is_own:
             return
-        if old is not None and old.is_overtaken(snapshot):
+        if old is not None and not is_own and old.is_overtaken(snapshot):
             # Its step ends it where others have chosen the mode, which is left alone. Where the mode is that of its own
             # command, it goes on, and ends by the next update.
             return
@@ -713,6 +714,14 @@ class Flight:
         # A flight that UAL's arming has begun is no task, and climbs on all the same.
         if old is not None or raw.state is State.FLYING_AUTO or self._begun_by_arming(raw):
             self._withdraw(old, snapshot, raw)
+
+    def _is_in_withdrawn_mode(self, old: Manoeuvre | None, snapshot: Snapshot, raw: Estimate) -> bool:
+        """Returns whether the mode has come to which a command leads that was withdrawn as the UAV fell."""
+        if not isinstance(old, StandBy) or self._withdrawn is None or snapshot.control.held_by is not None:
+            return False
+        withdrawn, since_s = self._withdrawn
+        is_own = raw.state is withdrawn.declares or withdrawn.led_to(snapshot) is True
+        return is_own and raw.state is not State.FLYING_AUTO and snapshot.time_s - since_s <= ENTERED_S
 
     def _withdraw(self, old: Manoeuvre | None, snapshot: Snapshot, raw: Estimate) -> None:
         error = TaskAbortedError(
@@ -727,6 +736,9 @@ class Flight:
             new = self._end_own_flight(snapshot, raw.state)
         if new is not None:
             new.manoeuvre.begins_in(snapshot.control.settled_mode)
+            new.manoeuvre.led = None if old is None else old.leads()
+        if old is not None and old.is_awaited:
+            self._withdrawn = (old, snapshot.time_s)
         to = None if new is None else new.manoeuvre
         if self._exchange(to, lambda flown: Ending(error) if flown is old else None) and new is not None:
             new.begin()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any, cast
 
@@ -24,6 +25,7 @@ from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.flight import CommandOrigin, Flight
 from ual_daemon.flight.manoeuvres.autopilot_mission import AutopilotMission
 from ual_daemon.flight.manoeuvres.land import LandManoeuvre
+from ual_daemon.flight.manoeuvres.manoeuvre import Handover
 from ual_daemon.flight.manoeuvres.recover import RecoverFirst
 from ual_daemon.flight.policy.authority import LONGEST_GAP_S
 from ual_daemon.flight.policy.geofence import GeofencePolicy
@@ -237,6 +239,90 @@ def test_a_landing_that_is_a_fall_fails_whenever_its_mode_comes(steps: int) -> N
         world.run(STEP_S)
     assert task.future.done()
     assert isinstance(task.future.exception(0.0), TaskAbortedError)
+
+
+def fall(world: World, act: Callable[[int], None], duration_s: float = 2.0) -> None:
+    """Falls. `act` is called with the number of each update before it comes."""
+    for step in range(round(duration_s / STEP_S)):
+        act(step)
+        world.autopilot.climb_m_s -= 9.81 * STEP_S
+        world.autopilot.z += world.autopilot.climb_m_s * STEP_S
+        world.run(STEP_S)
+
+
+@pytest.mark.parametrize("steps", range(12))
+def test_the_mode_of_a_landing_that_is_withdrawn_in_a_fall_is_left_whenever_it_comes(steps: int) -> None:
+    """After the fall was found its mode was taken for one of others. PX4 climbs back to where its landing began."""
+    world = World()
+    world.autopilot.control, world.autopilot.mode, world.autopilot.z = Control.REFERENCES, "GUIDED", 100.0
+    world.run(0.5)
+    task, snapshot = world.autopilot.task(TaskKind.LAND), world.wire.snapshot()
+    reference = Hold(Vector3(z=world.autopilot.z), 0.0)
+    world.flight.begin(LandManoeuvre(task, AutopilotCommand("land"), reference, snapshot), CommandOrigin())
+    world.run(0.5)
+
+    def act(step: int) -> None:
+        if step == steps:
+            world.autopilot.control, world.autopilot.mode = Control.LAND, "LAND"
+
+    fall(world, act)
+    assert isinstance(task.future.exception(0.0), TaskAbortedError)
+    assert world.wire.asked == ["take"]
+
+
+@pytest.mark.parametrize("by", [Cause.SAFETY_PILOT, Cause.GROUND_STATION])
+@pytest.mark.parametrize("steps", range(12))
+def test_the_landing_of_others_in_a_fall_is_left_to_them_whenever_it_comes(steps: int, by: Cause) -> None:
+    world = World()
+    world.autopilot.control, world.autopilot.mode, world.autopilot.z = Control.REFERENCES, "GUIDED", 100.0
+    world.run(0.5)
+    task, snapshot = world.autopilot.task(TaskKind.LAND), world.wire.snapshot()
+    reference = Hold(Vector3(z=world.autopilot.z), 0.0)
+    world.flight.begin(LandManoeuvre(task, AutopilotCommand("land"), reference, snapshot), CommandOrigin())
+    world.run(0.5)
+
+    def act(step: int) -> None:
+        if step == steps:
+            world.autopilot.control, world.autopilot.mode, world.autopilot.held_by = Control.OTHER, "ALTCTL", by
+
+    fall(world, act)
+    assert world.wire.asked == []
+
+
+@pytest.mark.parametrize("is_refused", [False, True])
+@pytest.mark.parametrize("steps", range(12))
+def test_a_fall_as_a_mission_begins_to_land_by_itself_is_answered_in_each_update(steps: int, is_refused: bool) -> None:
+    """Its own return was taken for the mode of others, in the update that shows it after the fall was found."""
+    world = World(kept=KEPT._replace(items=(*KEPT.items, ReturnToLaunch())))
+    world.autopilot.z = 100.0
+    landings: list[Snapshot] = []
+    refused: list[int] = []
+
+    def land(now: Snapshot) -> Handover:
+        landings.append(now)
+        task = world.autopilot.task(TaskKind.LAND)
+        return Handover(LandManoeuvre(task, AutopilotCommand("land"), None, now))
+
+    world.flight.land_here = land
+    item = len(KEPT.items) + 1
+    world.offer.told = MissionReport(MissionStage.ACTIVE, item, item, world.autopilot.time_s, 5)
+    world.run(0.3)
+
+    def act(step: int) -> None:
+        if step == 5:
+            world.autopilot.failsafe = Cause.TERMINATION
+        if step == steps:
+            world.autopilot.control, world.autopilot.mode = Control.LAND, world.offer.return_mode
+        if step >= steps and is_refused and len(world.wire.asked) == 1 and not refused:
+            refused.append(step)
+            world.wire.refuse("not now")
+
+    fall(world, act)
+    assert world.flight.following.why
+    assert world.wire.asked
+    is_taken_anew = world.wire.asked == ["take", "take"] or (world.wire.asked == ["take"] and not is_refused)
+    assert landings or is_taken_anew
+    assert world.flight.manoeuvre is not None
 
 
 @pytest.mark.parametrize("by", [None, Cause.SAFETY_PILOT, Cause.GROUND_STATION])
