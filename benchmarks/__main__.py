@@ -22,7 +22,7 @@ from benchmarks.children import REPOSITORY, Child, ChildError, prefer_this, prio
 from benchmarks.effort import FULL, QUICK, Effort
 from benchmarks.measures import memory, noise, processor, setpoints, start, telemetry
 from benchmarks.results import Results
-from benchmarks.ways import SERVER_WAYS, SETPOINT_WAYS, TELEMETRY_WAYS, Way
+from benchmarks.setups import SERVER_WAYS, SETPOINT_WAYS, TELEMETRY_WAYS, Way
 
 _README = Path(__file__).parent / "README.md"
 _FIGURES = Path(__file__).parent / "figures"

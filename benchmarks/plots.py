@@ -7,7 +7,7 @@ from pathlib import Path
 
 from benchmarks.effort import SUBSCRIBERS
 from benchmarks.results import Results
-from benchmarks.ways import SETPOINT_WAYS, TELEMETRY_WAYS
+from benchmarks.setups import SETPOINT_WAYS, TELEMETRY_WAYS
 
 _OURS, _THEIRS = "#3b76af", "#c9c9c9"
 _WHISKERS = (1, 99)

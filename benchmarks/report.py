@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from benchmarks.results import Results, Spread, p50, p99
-from benchmarks.targets import TargetLine
+from benchmarks.targets import TargetRow
 
 _UNITS = {
     "setpoint_ms": "From the call to the vehicle, ms",
@@ -24,7 +24,7 @@ _UNITS = {
 _WITH_TAIL = ("_ms", "_ms_1", "_ms_10", "_ms_100")
 
 
-def target_table(lines: list[TargetLine]) -> str:
+def target_table(lines: list[TargetRow]) -> str:
     """Returns each target, the figure, whether it is met, and for some targets the figure of Python or gRPC alone."""
     has_floors = any(line.floor is not None for line in lines)
     head = ["", "target", "found (median of rounds)", "least to most", "", *(["Python or gRPC alone"] * has_floors)]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from benchmarks.effort import SUBSCRIBERS
 from benchmarks.results import Results, Spread, Statistic, p50, p99
-from benchmarks.ways import (
+from benchmarks.setups import (
     CLASS,
     CLASS_FENCE,
     FLOORS,
@@ -24,7 +24,7 @@ _MANY = 100
 
 
 @dataclass(frozen=True)
-class TargetLine:
+class TargetRow:
     """One target. `found` is None if it was not measured; `why` then says what was missing."""
 
     what: str
@@ -35,7 +35,7 @@ class TargetLine:
     """Whether the limit is a lower limit instead of an upper one."""
     why: str = ""
     floor: Spread | None = None
-    """The same figure of Python or gRPC alone (`benchmarks.ways.FLOORS`), if there is one."""
+    """The same figure of Python or gRPC alone (`benchmarks.setups.FLOORS`), if there is one."""
 
     @property
     def verdict(self) -> str:
@@ -45,7 +45,7 @@ class TargetLine:
         return "PASS" if is_met else "FAIL"
 
 
-def lines(results: Results) -> Iterator[TargetLine]:
+def lines(results: Results) -> Iterator[TargetRow]:
     """Yields all lines of the table."""
     yield from _of_setpoints(results, "", CLASS, STREAM, UNARY)
     yield from _of_setpoints(results, ", in a fence", CLASS_FENCE, STREAM_FENCE, UNARY_FENCE)
@@ -65,7 +65,7 @@ def lines(results: Results) -> Iterator[TargetLine]:
     yield _most(results, "import_ms", "ual --help", 250.0, "ms", "ual --help".__eq__)
 
 
-def _of_setpoints(results: Results, where: str, in_process: Way, stream: Way, unary: Way) -> Iterator[TargetLine]:
+def _of_setpoints(results: Results, where: str, in_process: Way, stream: Way, unary: Way) -> Iterator[TargetRow]:
     """Yields the lines of setpoints, and of the processor at 50 Hz, for the ways without a fence or with one."""
     for name, statistic in (("p50", p50), ("p99", p99)):
         yield _ratio(results, "setpoint_ms", in_process, NATIVE, statistic, f"class interface{where}, {name}", 1.2)
@@ -88,28 +88,28 @@ def _ratio(
     limit: float,
     *,
     is_least: bool = False,
-) -> TargetLine:
+) -> TargetRow:
     unit = f"of {to.name}"
     for each in (way, to):
         if not results.has(measure, each.name):
             why = f"{each.name} is not installed" if each.is_missing else f"{each.name} gave no values"
-            return TargetLine(what, limit, None, unit, is_least, why)
+            return TargetRow(what, limit, None, unit, is_least, why)
     floor = FLOORS.get(way)
     floor_ratio = (
         results.ratio(measure, floor.name, to.name, statistic)
         if floor is not None and results.has(measure, floor.name, to.name)
         else None
     )
-    return TargetLine(
+    return TargetRow(
         what, limit, results.ratio(measure, way.name, to.name, statistic), unit, is_least, floor=floor_ratio
     )
 
 
 def _most(
     results: Results, measure: str, what: str, limit: float, unit: str, is_meant: Callable[[str], bool]
-) -> TargetLine:
+) -> TargetRow:
     """Returns the line for the worst of the chosen ways."""
     spreads = [results.spread(measure, way) for way in results.values.get(measure, {}) if is_meant(way)]
     if not spreads:
-        return TargetLine(what, limit, None, unit, why="it was left out")
-    return TargetLine(what, limit, max(spreads, key=lambda spread: spread.median), unit)
+        return TargetRow(what, limit, None, unit, why="it was left out")
+    return TargetRow(what, limit, max(spreads, key=lambda spread: spread.median), unit)

@@ -11,7 +11,7 @@ from benchmarks.children import Child
 from benchmarks.effort import QUICK
 from benchmarks.measures import processor, setpoints
 from benchmarks.results import Results, p50, p99
-from benchmarks.ways import STREAM, Way
+from benchmarks.setups import STREAM, Way
 
 _LATE_MS = 20.0
 """A setpoint that comes later than the next one is sent is late."""

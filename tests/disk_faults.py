@@ -46,7 +46,7 @@ from ual_daemon.frames.home_file import HomeFile
 from ual_daemon.program.recording import audit_writer
 from ual_daemon.program.recording.audit_file import AuditFile
 from ual_daemon.program.recording.audit_writer import AuditWriter
-from ual_daemon.vehicle.mission_file import FlownMission, MissionFile
+from ual_daemon.vehicle.mission_file import MissionFile, RunningMission
 from ual_daemon.vehicle.upload_journal import JournalFile, UploadEntry
 from ual_tools.launch.log_file import LogFile
 from ual_tools.main import cli
@@ -208,7 +208,7 @@ def _kept(directory: Path) -> dict[str, Written]:
             found_home,
         ),
         "mission": Kept(
-            lambda number: kept_mission.write(FlownMission("PX4", "ab", "1", number)),
+            lambda number: kept_mission.write(RunningMission("PX4", "ab", "1", number)),
             kept_mission.kept.keep,
             found_mission,
         ),

@@ -48,10 +48,10 @@ def event(logger: logging.Logger, level: int, event: str, /, **fields: object) -
     get_caller = caller.get()
     if get_caller is not None:
         fields.setdefault("caller", get_caller())
-    logger.log(level, "%s", _Line(event, fields), extra={"ual_event": event, "ual_fields": fields}, stacklevel=2)
+    logger.log(level, "%s", _LogText(event, fields), extra={"ual_event": event, "ual_fields": fields}, stacklevel=2)
 
 
-class _Line:
+class _LogText:
     """An event as text. It is made only where a handler writes it, so that an event that is not written costs less."""
 
     __slots__ = ("_event", "_fields")

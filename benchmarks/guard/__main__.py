@@ -28,7 +28,7 @@ from benchmarks.children import free_port
 from benchmarks.guard import defects
 from benchmarks.guard.callgrind import MissingToolError, begun, counted
 from benchmarks.measures.memory import flight_mib
-from benchmarks.ways import FENCE_FLAGS
+from benchmarks.setups import FENCE_FLAGS
 from ual.v1 import ual_pb2, ual_pb2_grpc
 
 _RECORD = Path(__file__).with_name("record.json")

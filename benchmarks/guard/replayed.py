@@ -11,8 +11,8 @@ from contextlib import contextmanager
 from unittest.mock import patch
 
 from benchmarks.children import free_port
+from benchmarks.setups import FENCE
 from benchmarks.vehicle import MinimalVehicle, frames
-from benchmarks.ways import FENCE
 from ual.types import State, Telemetry
 from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions, UpdateCallback

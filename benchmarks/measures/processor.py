@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from benchmarks.children import Child, free_port
 from benchmarks.effort import RATE_HZ
 from benchmarks.results import Results
-from benchmarks.ways import Way, server_of
+from benchmarks.setups import Way, server_of
 
 TRACE = "px4_offboard_manual_recover"
 _FROM_S, _TO_S = 8.0, 21.9

@@ -7,7 +7,7 @@ import time
 from benchmarks.children import Child
 from benchmarks.effort import RATE_HZ, Effort
 from benchmarks.results import Results
-from benchmarks.ways import Way, flown
+from benchmarks.setups import Way, flown
 
 _ARRIVAL_S = 0.3
 """Setpoints that are in transit when the last call has returned arrive within this time."""

@@ -14,7 +14,7 @@ from grpc_health.v1 import health_pb2, health_pb2_grpc
 from benchmarks.children import REPOSITORY, Child, free_port
 from benchmarks.results import Results
 from benchmarks.servers import MavsdkServer, UalDaemon, wait_for_port
-from benchmarks.ways import MAVSDK_GRPC
+from benchmarks.setups import MAVSDK_GRPC
 
 IMPORTS = {
     "python": ("-c", "pass"),

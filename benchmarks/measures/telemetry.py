@@ -5,7 +5,7 @@ from __future__ import annotations
 from benchmarks.children import Child
 from benchmarks.effort import SUBSCRIBERS, Effort
 from benchmarks.results import Results
-from benchmarks.ways import Way, flown
+from benchmarks.setups import Way, flown
 
 _SETTLE_NS = 1_000_000_000
 """The first part is left out, because subscribers are still being opened."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from benchmarks.peers import ual_class
-from benchmarks.ways import FENCE
+from benchmarks.setups import FENCE
 from ual_daemon.settings import GeofenceSettings, VehicleSettings
 
 

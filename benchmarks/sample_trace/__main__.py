@@ -23,7 +23,7 @@ from benchmarks.sample_trace.stamps import Stamp
 from benchmarks.sample_trace.stations import SENT
 from benchmarks.sample_trace.table import markdown
 from benchmarks.servers import UalDaemon
-from benchmarks.ways import CLASS, STREAM, Way
+from benchmarks.setups import CLASS, STREAM, Way
 
 Trace = dict[int, dict[str, Stamp]]
 _TRACED = "benchmarks.sample_trace.traced"

@@ -13,9 +13,9 @@ from pathlib import Path
 
 from benchmarks.children import REPOSITORY
 from benchmarks.report import target_table
-from benchmarks.targets import TargetLine
+from benchmarks.targets import TargetRow
 from benchmarks.tracker import autopilots, light, plots, report, targets
-from benchmarks.tracker.ways import OURS, PURSUIT
+from benchmarks.tracker.methods import OURS, PURSUIT
 from ual_daemon.settings import Tracker
 
 _AUTOPILOTS = {"px4": autopilots.PX4, "ardupilot": autopilots.ARDUPILOT}
@@ -32,7 +32,7 @@ def main() -> int:
     arguments = parser.parse_args()
     logging.getLogger("ual_daemon").setLevel(logging.ERROR)  # hides warnings about replaced tasks
     parts = arguments.only or (_LIGHT, *_AUTOPILOTS)
-    lines: list[TargetLine] = []
+    lines: list[TargetRow] = []
     if _LIGHT in parts:
         lines += fly_light(arguments.output)
     for name, autopilot in _AUTOPILOTS.items():
@@ -48,7 +48,7 @@ def main() -> int:
     return int(any(line.verdict == "FAIL" for line in lines))
 
 
-def fly_light(output: Path) -> Iterator[TargetLine]:
+def fly_light(output: Path) -> Iterator[TargetRow]:
     """Flies the light simulation."""
     calm, windy, velocities = {}, {}, {}
     for name, limits in light.VEHICLES.items():
@@ -70,9 +70,7 @@ def fly_light(output: Path) -> Iterator[TargetLine]:
     return targets.of_light(calm, windy, velocities, zigzags[OURS], goals)
 
 
-def fly_autopilot(
-    autopilot: autopilots.TrackedAutopilot, name: str, flights: int, output: Path
-) -> Iterator[TargetLine]:
+def fly_autopilot(autopilot: autopilots.TrackedAutopilot, name: str, flights: int, output: Path) -> Iterator[TargetRow]:
     """Flies a real autopilot."""
     found = autopilots.fly(autopilot, flights)
     print(f"{found.version}, {flights} flights of each way, within {found.limits}\n")

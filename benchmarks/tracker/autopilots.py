@@ -19,9 +19,9 @@ from urllib.parse import urlsplit
 from typing_extensions import Self
 
 from benchmarks.children import ChildError
-from benchmarks.tracker.flown import NEAR_M, FlownPlace, TrackedFlight
+from benchmarks.tracker.methods import FAR, OURS, PURSUIT
+from benchmarks.tracker.tracked import NEAR_M, TrackedFlight, TrackedPosition
 from benchmarks.tracker.truth import Truth
-from benchmarks.tracker.ways import FAR, OURS, PURSUIT
 from tests.sitl.copter_pilot import CopterPilot
 from tests.sitl.pilot import SafetyPilot
 from tests.sitl.transmitter import Transmitter
@@ -112,7 +112,7 @@ class RealUav:
         self.ual = UAL(
             "mavlink", "uav_1", url=os.environ[autopilot.url_variable], settings=VehicleSettings(tracker=tracker)
         )
-        self._places: list[FlownPlace] = []
+        self._places: list[TrackedPosition] = []
         self.truth = truth or Truth()
         self.ual.subscribe(self._keep)
 
@@ -171,7 +171,7 @@ class RealUav:
             reference = None if wanted is None else wanted.position
             true = self.truth.position
             speed_m_s, has_task = velocity.linear.norm(), telemetry.task is not None
-            self._places.append(FlownPlace(telemetry.stamp_s, pose.position, speed_m_s, reference, true, has_task))
+            self._places.append(TrackedPosition(telemetry.stamp_s, pose.position, speed_m_s, reference, true, has_task))
 
     def _until(self, condition: Callable[[], bool], what: str, limit_s: float = _PATIENCE_S) -> None:
         until_s = time.monotonic() + limit_s

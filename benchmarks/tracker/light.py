@@ -10,8 +10,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 from benchmarks.tracker import optimal
-from benchmarks.tracker.flown import FlownPlace, TrackedFlight
-from benchmarks.tracker.ways import FAR, PURSUIT, WAYS
+from benchmarks.tracker.methods import FAR, PURSUIT, WAYS
+from benchmarks.tracker.tracked import TrackedFlight, TrackedPosition
 from ual.geometry import Pose, PoseStamped, Vector3
 from ual.types import FollowPathRequest, GoToWaypointRequest, Limits, TakeOffRequest, Telemetry
 from ual_daemon.backends.base import BackendOptions
@@ -61,7 +61,7 @@ class _Uav:
         self.backend = _RecordingBackend(BackendOptions("uav_1", settings={**light, "speed_factor": 0}))
         self.vehicle = Vehicle(self.backend, VehicleSettings(tracker=tracker))
         self.vehicle.open()
-        self.places: list[FlownPlace] = []
+        self.places: list[TrackedPosition] = []
         self.vehicle.subscribe(self._keep)
         self._simulation = self.vehicle.simulation()
         self.run(STEP_S)
@@ -92,7 +92,7 @@ class _Uav:
         pose, velocity, wanted = telemetry.pose, telemetry.velocity, telemetry.reference_pose
         if pose is not None and velocity is not None:
             reference = None if wanted is None else wanted.position
-            self.places.append(FlownPlace(telemetry.stamp_s, pose.position, velocity.linear.norm(), reference))
+            self.places.append(TrackedPosition(telemetry.stamp_s, pose.position, velocity.linear.norm(), reference))
 
 
 @contextmanager
@@ -105,7 +105,7 @@ def _flying(tracker: Tracker, limits: Mapping[str, object], wind: Vector3 = _CAL
 
 
 @dataclass(frozen=True)
-class LineFlight:
+class DiagonalFlight:
     """A flight along the diagonal, its planned duration, and the shortest possible duration for the same limits."""
 
     flown: TrackedFlight
@@ -117,7 +117,7 @@ VELOCITIES_ONLY: Mapping[str, object] = {"takes": "velocities"}
 """An autopilot that takes no positions."""
 
 
-def line(way: str, limits: Mapping[str, object], *, wind_m_s: float = 0.0) -> LineFlight:
+def line(way: str, limits: Mapping[str, object], *, wind_m_s: float = 0.0) -> DiagonalFlight:
     """Flies once along the diagonal with a quarter turn. The wind (if any) is across."""
     tracker = Tracker.PURSUIT if way == PURSUIT else Tracker.REFERENCE
     across = Vector3(-DIAGONAL.y, DIAGONAL.x, 0.0) / DIAGONAL.horizontal_norm() * wind_m_s
@@ -137,10 +137,10 @@ def line(way: str, limits: Mapping[str, object], *, wind_m_s: float = 0.0) -> Li
         else:
             uav.end(prepared.begin())
         uav.run(_AFTER_S)
-        return LineFlight(TrackedFlight(start, goal.position, list(uav.places)), planned_s, least_s)
+        return DiagonalFlight(TrackedFlight(start, goal.position, list(uav.places)), planned_s, least_s)
 
 
-def lines(limits: Mapping[str, object]) -> dict[str, LineFlight]:
+def lines(limits: Mapping[str, object]) -> dict[str, DiagonalFlight]:
     """Flies the same flight in each way."""
     return {way: line(way, limits) for way in WAYS}
 

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.tracker import light
-from benchmarks.tracker.flown import TrackedFlight
-from benchmarks.tracker.ways import FAR, OURS, PURSUIT
+from benchmarks.tracker.methods import FAR, OURS, PURSUIT
+from benchmarks.tracker.tracked import TrackedFlight
 
 _COLORS = {OURS: "#3b76af", FAR: "#c44e52", PURSUIT: "#8c8c8c"}
 

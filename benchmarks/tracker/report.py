@@ -5,8 +5,8 @@ from __future__ import annotations
 import statistics
 from collections.abc import Mapping, Sequence
 
-from benchmarks.tracker.flown import TrackedFlight
 from benchmarks.tracker.targets import FIGURES, TRUE_FIGURES, Figure
+from benchmarks.tracker.tracked import TrackedFlight
 
 
 def flights_table(title: str, flights: Mapping[str, Sequence[TrackedFlight]]) -> str:

@@ -6,10 +6,10 @@ import statistics
 from collections.abc import Callable, Iterator, Mapping, Sequence
 
 from benchmarks.results import Spread
-from benchmarks.targets import TargetLine
+from benchmarks.targets import TargetRow
 from benchmarks.tracker import autopilots, light
-from benchmarks.tracker.flown import TrackedFlight
-from benchmarks.tracker.ways import FAR, OURS
+from benchmarks.tracker.methods import FAR, OURS
+from benchmarks.tracker.tracked import TrackedFlight
 
 Figure = Callable[[TrackedFlight], float]
 SETTLED_M = 0.02
@@ -32,12 +32,12 @@ TRUE_FIGURES: Mapping[str, Figure] = {
 
 
 def of_light(
-    calm: Mapping[str, Mapping[str, light.LineFlight]],
-    windy: Mapping[str, light.LineFlight],
-    velocities: Mapping[str, light.LineFlight],
+    calm: Mapping[str, Mapping[str, light.DiagonalFlight]],
+    windy: Mapping[str, light.DiagonalFlight],
+    velocities: Mapping[str, light.DiagonalFlight],
     zigzag: light.Zigzag,
     goals: light.ChangingGoals,
-) -> Iterator[TargetLine]:
+) -> Iterator[TargetRow]:
     """Returns the lines of the light backend. `calm` has the flights of each set of limits, `windy` those in wind, and
     `velocities` those of an autopilot that takes velocities only.
     """
@@ -62,21 +62,21 @@ def of_light(
         yield _one(what, _ROUNDING, max(shares), "of its limit")
 
 
-def of_autopilot(found: autopilots.AutopilotFlights) -> Iterator[TargetLine]:
+def of_autopilot(found: autopilots.AutopilotFlights) -> Iterator[TargetRow]:
     """Returns the lines of a real autopilot: medians, ratios of medians, and the worst of all flights."""
     ours, far = found.flights[OURS], found.flights[FAR]
 
-    def absolute(what: str, limit: float) -> TargetLine:
-        return TargetLine(f"{found.version}: {what}", limit, Spread.of([FIGURES[what](flown) for flown in ours]))
+    def absolute(what: str, limit: float) -> TargetRow:
+        return TargetRow(f"{found.version}: {what}", limit, Spread.of([FIGURES[what](flown) for flown in ours]))
 
-    def worst(what: str, limit: float) -> TargetLine:
+    def worst(what: str, limit: float) -> TargetRow:
         return _one(
             f"{found.version}: {what}, the worst flight", limit, max(FIGURES[what](flown) for flown in ours), ""
         )
 
-    def ratio(what: str, limit: float, name: str, every: slice = slice(None)) -> TargetLine:
+    def ratio(what: str, limit: float, name: str, every: slice = slice(None)) -> TargetRow:
         spread = _ratio(FIGURES[what], ours[every], far[every])
-        return TargetLine(f"{found.version}: {what}{name}", limit, spread, f"of {FAR}")
+        return TargetRow(f"{found.version}: {what}{name}", limit, spread, f"of {FAR}")
 
     yield ratio("widest from the line, m", 0.5, "")
     yield absolute("widest from the line, m", 0.3)
@@ -89,8 +89,8 @@ def of_autopilot(found: autopilots.AutopilotFlights) -> Iterator[TargetLine]:
     yield worst("waited, s", 2.0)
 
 
-def _one(what: str, limit: float, figure: float, unit: str) -> TargetLine:
-    return TargetLine(what, limit, Spread.of([figure]), unit)
+def _one(what: str, limit: float, figure: float, unit: str) -> TargetRow:
+    return TargetRow(what, limit, Spread.of([figure]), unit)
 
 
 def _ratio(figure: Figure, ours: Sequence[TrackedFlight], far: Sequence[TrackedFlight]) -> Spread:

@@ -29,7 +29,7 @@ from ual.geometry import Pose, Twist, Vector3
 from ual.types import Telemetry
 from ual_daemon.backends.values import PositionSetpoint, Setpoint, VelocityResponses
 from ual_daemon.settings import Tracker
-from ual_daemon.tracker.place import MOST_LAG_M, ExpectedMotion
+from ual_daemon.tracker.velocity_end_point import MOST_LAG_M, ExpectedMotion
 
 _AUTOPILOTS = {"px4": PX4, "ardupilot": ARDUPILOT}
 _PERIOD_S = 0.05

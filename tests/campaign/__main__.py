@@ -24,9 +24,9 @@ from tests.campaign.evidence import Breach
 from tests.campaign.flight import fly
 from tests.campaign.judge import judge
 from tests.campaign.mutants import MUTANTS
-from tests.campaign.places import Origin
 from tests.campaign.plan import Plan, has, plan
-from tests.campaign.processes import ROOT, NotFlownError
+from tests.campaign.positions import Origin
+from tests.campaign.processes import ROOT, FlightFailedError
 from tests.campaign.record import Record
 from tests.campaign.rig import Options, Rig
 from tests.campaign.soak import SoakWatch
@@ -91,7 +91,7 @@ def _fly_and_judge(rig: Rig, flight: Plan) -> tuple[str, list[Breach]]:
     breaches: list[Breach] = []
     try:
         record = fly(rig, flight)
-    except (NotFlownError, AssertionError) as error:
+    except (FlightFailedError, AssertionError) as error:
         verdict, why, record = "not flown", str(error), rig.record
         breaches = judge(record)
     else:
@@ -149,7 +149,7 @@ def begin_anew(rig: Rig) -> None:
 def _is_done(step: Callable[[], object]) -> bool:
     try:
         step()
-    except (NotFlownError, AssertionError, OSError) as error:
+    except (FlightFailedError, AssertionError, OSError) as error:
         print(f"    {error}", flush=True)
         return False
     return True

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 
 from tests.campaign.modes import BY_AUTOPILOT
-from tests.campaign.places import Origin
+from tests.campaign.positions import Origin
 from tests.campaign.record import Located, Place, Record, Sent, Text, Told, Value
 from tests.campaign.truth import note_home
 from ual_daemon.backends.mavlink.session.sequence import SequenceUnwrapper

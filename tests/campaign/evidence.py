@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from tests.campaign.modes import BY_AUTOPILOT, Modes
-from tests.campaign.places import distance_m
+from tests.campaign.positions import distance_m
 from tests.campaign.record import DAEMON_KILLED, DAEMON_STARTED, Called, Located, Place, Record, Sent, Told
 
 NOTICED_S = 0.1

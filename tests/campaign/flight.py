@@ -7,7 +7,7 @@ import time
 from tests.campaign.befall import Befalling
 from tests.campaign.evidence import SERVICES
 from tests.campaign.plan import FOREIGN, PLAIN, Plan, Step
-from tests.campaign.processes import NotFlownError
+from tests.campaign.processes import FlightFailedError
 from tests.campaign.record import Place, Record
 from tests.campaign.rig import Rig, take_mode
 from ual_daemon.backends.mavlink.wire.messages import mavlink
@@ -27,7 +27,7 @@ def fly(rig: Rig, plan: Plan) -> Record:
     """Flies it from the ground to the ground.
 
     Raises:
-        NotFlownError: Something other than UAL failed.
+        FlightFailedError: Something other than UAL failed.
 
     """
     if any(fault.kind == "reboot" for fault in plan.faults) or rig.is_astray() or rig.must_boot:
@@ -41,7 +41,7 @@ def fly(rig: Rig, plan: Plan) -> Record:
     if any(fault.kind in _LEAVING for fault in plan.faults):
         rig.set_parameters()
     if rig.has_sunk():
-        raise NotFlownError("it has sunk into the simulator's ground")
+        raise FlightFailedError("it has sunk into the simulator's ground")
     return record
 
 

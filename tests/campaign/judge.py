@@ -44,7 +44,7 @@ from tests.campaign.evidence import (
 from tests.campaign.follows import LOW_M, follows, height_m, nothing_flies_unasked, nothing_is_cried_wolf
 from tests.campaign.modes import Modes
 from tests.campaign.motion import a_task_makes_way, a_velocity_leads_straight
-from tests.campaign.places import distance_m
+from tests.campaign.positions import distance_m
 from tests.campaign.record import DAEMON_KILLED, DAEMON_STARTED, Called, Place, Record, Said
 from tests.campaign.services import (
     a_mission_has_its_owner,

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from tests.campaign.bounds import autopilot_fences, is_near_autopilot_fence
 from tests.campaign.evidence import DISTURBING, Breach, Case, between, is_befallen, nearest
-from tests.campaign.places import distance_m
+from tests.campaign.positions import distance_m
 from tests.campaign.record import Called, Located, Place, Record
 
 STILL_S = 13.0

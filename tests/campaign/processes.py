@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[2]
 _LIMIT_S = 60.0
 
 
-class NotFlownError(Exception):
+class FlightFailedError(Exception):
     """Something other than UAL failed: the flight says nothing."""
 
 

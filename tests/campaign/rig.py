@@ -16,9 +16,9 @@ import ual
 from tests.campaign.ears import Ears
 from tests.campaign.evidence import REFUSED, estimate_error_m
 from tests.campaign.modes import BY_AUTOPILOT
-from tests.campaign.places import Origin
 from tests.campaign.plan import ABORT, AREA_M, FENCE_HEIGHT_M, FENCE_SIDE_M, JUMP
-from tests.campaign.processes import ClientProcess, DaemonProcess, NotFlownError, SimulatorProcess
+from tests.campaign.positions import Origin
+from tests.campaign.processes import ClientProcess, DaemonProcess, FlightFailedError, SimulatorProcess
 from tests.campaign.record import DAEMON_KILLED, DAEMON_STARTED, Called, Life, Order, Place, Record, Said, Text, Trouble
 from tests.campaign.starvation import StarvationWatch
 from tests.campaign.truth import TruthLink
@@ -297,19 +297,19 @@ class Rig:
         """Until the autopilot may be armed, and the daemon sees it stand disarmed.
 
         Raises:
-            NotFlownError: The simulator did not come so far.
+            FlightFailedError: The simulator did not come so far.
 
         """
         self.pilot.stand_by()
         try:
             self.pilot.wait_until_ready()
         except AssertionError as error:
-            raise NotFlownError(str(error)) from None
+            raise FlightFailedError(str(error)) from None
         self.wait_for(lambda: self.state() == "LANDED_DISARMED", "LANDED_DISARMED", _DOWN_S)
-        with contextlib.suppress(NotFlownError):  # it is told to have fallen until it has lain still for a second
+        with contextlib.suppress(FlightFailedError):  # it is told to have fallen until it has lain still for a second
             self.wait_for(lambda: "once it lies" not in self.reason(), "that it lies still", _LIES_S)
         self.wait_for(lambda: self.truth.place is not None, "the truth", _DOWN_S)
-        with contextlib.suppress(NotFlownError):  # the judge allows for an estimate that stays wrong
+        with contextlib.suppress(FlightFailedError):  # the judge allows for an estimate that stays wrong
             self.wait_for(lambda: estimate_error_m(self.record, time.monotonic()) < _SURE_M, "the estimate", _SURE_S)
 
     def is_up(self) -> bool:
@@ -345,7 +345,7 @@ class Rig:
             self.simulator.end()
             self.simulator.start()
         else:
-            raise NotFlownError("no command to start the simulator")
+            raise FlightFailedError("no command to start the simulator")
         self.truth.place, self.must_boot = None, False
         self.pilot = self._make_pilot()
         self.set_parameters()
@@ -355,7 +355,7 @@ class Rig:
         """Lands and disarms it, whatever has happened.
 
         Raises:
-            NotFlownError: It could not be brought down.
+            FlightFailedError: It could not be brought down.
 
         """
         self.wiretap.faults = GOOD
@@ -366,7 +366,7 @@ class Rig:
         until_s = time.monotonic() + _DOWN_S
         while self.pilot.is_armed:
             if time.monotonic() > until_s:
-                raise NotFlownError(f"it could not be landed: {self.state()}")
+                raise FlightFailedError(f"it could not be landed: {self.state()}")
             if self.state() == "FLYING_MANUAL":
                 self.call("recover", (1.0,))
             elif self.state() == "FLYING_AUTO":
@@ -379,14 +379,14 @@ class Rig:
         if not self.is_down():  # disarmed in the air
             time.sleep(_FALLEN_S)
         if self.record.said and self.daemon.is_running:
-            with contextlib.suppress(NotFlownError):  # the judge finds a state that stays untrue
+            with contextlib.suppress(FlightFailedError):  # the judge finds a state that stays untrue
                 self.wait_for(lambda: self.state() == "LANDED_DISARMED", "LANDED_DISARMED", 3.0)
 
     def wait_for(self, is_done: Callable[[], bool], what: str, limit_s: float) -> None:
         until_s = time.monotonic() + limit_s
         while not is_done():
             if time.monotonic() > until_s:
-                raise NotFlownError(f"{what} did not come; the state is {self.state()}")
+                raise FlightFailedError(f"{what} did not come; the state is {self.state()}")
             time.sleep(0.02)
 
     def begin_trouble(self, kind: str) -> Callable[[], None]:
@@ -409,13 +409,13 @@ class Rig:
                 break
             except OSError:
                 if time.monotonic() > until_s:
-                    raise NotFlownError("the simulator does not listen") from None
+                    raise FlightFailedError("the simulator does not listen") from None
                 time.sleep(0.5)
         try:
             pilot.begin()
         except AssertionError as error:
             pilot.close()
-            raise NotFlownError(str(error)) from None
+            raise FlightFailedError(str(error)) from None
         except BaseException:  # the campaign is ended: its thread would keep the process
             pilot.close()
             raise

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from tests.campaign.bounds import newest
 from tests.campaign.evidence import Breach, Case, estimate_error_m, is_befallen, known_since_s, place_text
 from tests.campaign.follows import FALL_M_S, TOLD_S
-from tests.campaign.places import distance_m
+from tests.campaign.positions import distance_m
 from tests.campaign.record import Called, Record
 
 CHANGES = ("upload", "clear")

@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 from tests.campaign.ears import Ears
-from tests.campaign.places import Origin
+from tests.campaign.positions import Origin
 from tests.campaign.record import Record, Told
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 

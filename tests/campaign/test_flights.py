@@ -12,9 +12,9 @@ from tests.campaign.__main__ import begin_anew
 from tests.campaign.evidence import Case
 from tests.campaign.flight import fly
 from tests.campaign.judge import judge
-from tests.campaign.places import Origin
 from tests.campaign.plan import OURS, PAUSE, Fault, Plan, Step
-from tests.campaign.processes import NotFlownError
+from tests.campaign.positions import Origin
+from tests.campaign.processes import FlightFailedError
 from tests.campaign.record import DAEMON_KILLED, DAEMON_STARTED
 from tests.campaign.rig import Options, Rig
 from tests.ports import free_port
@@ -128,7 +128,7 @@ class _Stuck:
         self.done: list[str] = []
 
     def bring_down(self) -> None:
-        raise NotFlownError("it could not be landed: UNINITIALIZED")
+        raise FlightFailedError("it could not be landed: UNINITIALIZED")
 
     def reboot(self) -> None:
         self.done.append("reboot")

@@ -8,7 +8,7 @@ import threading
 import time
 from urllib.parse import urlsplit
 
-from tests.campaign.places import Origin, distance_m
+from tests.campaign.positions import Origin, distance_m
 from tests.campaign.record import Located, Place, Record
 from ual_daemon.backends.mavlink.wire.frames import FrameReader
 from ual_daemon.backends.mavlink.wire.messages import Codec, CorruptFrameError, Message, mavlink

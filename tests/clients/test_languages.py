@@ -15,7 +15,7 @@ from tests.clients.toolchains import LANGUAGES, Language, search_path
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
 from tests.examples.installing import install
 from tests.examples.installing import search_path as search_path_with
-from tests.ual_daemon.server.access.ways_in import beyond_loopback, make_files
+from tests.ual_daemon.server.access.entrances import beyond_loopback, make_files
 from ual.v1 import ual_pb2, ual_pb2_grpc
 from ual_tools.access import certificates
 

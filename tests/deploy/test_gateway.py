@@ -21,7 +21,7 @@ from grpc_health.v1 import health_pb2, health_pb2_grpc
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
 from tests.ports import free_port
-from tests.ual_daemon.server.access.ways_in import Made, beyond_loopback, make_files
+from tests.ual_daemon.server.access.entrances import Made, beyond_loopback, make_files
 from tests.waiting import until
 from ual import discovery
 from ual.errors import UalError

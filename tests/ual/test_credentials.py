@@ -11,7 +11,7 @@ from click.testing import CliRunner
 
 import ual
 from tests.conftest import StartDaemon
-from tests.ual_daemon.server.access.ways_in import beyond_loopback, make_files
+from tests.ual_daemon.server.access.entrances import beyond_loopback, make_files
 from ual import Credentials
 from ual.credentials import is_this_computer
 from ual.errors import DaemonUnreachableError, InvalidArgumentError, PermissionDeniedError, UnauthenticatedError

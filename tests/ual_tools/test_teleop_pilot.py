@@ -16,7 +16,7 @@ from ual_tools.teleop.actions import Action
 from ual_tools.teleop.keyboard import Keyboard
 from ual_tools.teleop.pilot import BRAKE_S, OLD_S, Pilot, StickMode
 from ual_tools.teleop.sticks import CENTRED, Sticks
-from ual_tools.teleop.vehicle import ScreenLine, TeleopVehicle
+from ual_tools.teleop.vehicle import ScreenMessage, TeleopVehicle
 
 PERIOD_S = 0.05
 FORWARD = Sticks(forward=1.0)
@@ -282,8 +282,8 @@ def test_the_screen_fits(width: int, height: int) -> None:
         armed=True,
         task=TaskInfo("1", TaskKind.GO_TO_WAYPOINT, TaskStatus.RUNNING, description="goes to 4 2 3 " * 10),
     )
-    vehicle.refusal = ScreenLine("sticks: WRONG_STATE: set_velocity needs the state FLYING_AUTO, " * 5, flight.now_s)
-    vehicle.done = ScreenLine("landing", flight.now_s)
+    vehicle.refusal = ScreenMessage("sticks: WRONG_STATE: set_velocity needs the state FLYING_AUTO, " * 5, flight.now_s)
+    vehicle.done = ScreenMessage("landing", flight.now_s)
     keys = Keyboard()
     shown = board.lines(
         flight.pilot.view(), keys.title, keys.help, "take-off? Enter confirms", width=width, height=height

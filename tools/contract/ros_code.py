@@ -24,7 +24,7 @@ _FIELDS = (
     "Fields", "angle_range", "geo_point_fields", "in_bytes", "key_values", "name_of", "named", "names_of", "none_of",
     "point_stamped", "quaternion", "ratio", "read_all", "read_geo_point", "stamp", "transform", "vector",
 )  # fmt: skip
-"""Names of ``ual_ros2.beside.fields``."""
+"""Names of ``ual_ros2.services.fields``."""
 _READING = (
     "error_of", "finite", "fix", "in_mib", "intrinsics", "link_of", "number", "orientation", "parameter_value", "path",
     "percent", "point_of", "pose_stamped", "read_angle_range", "read_viewpoint", "transform_stamped",
@@ -32,7 +32,7 @@ _READING = (
 )  # fmt: skip
 """Names of ``reading`` in the tests."""
 _BY_HAND = ("GeoPoint",)
-"""Messages whose code is in ``ual_ros2.beside.fields``: a pair of numbers in Python."""
+"""Messages whose code is in ``ual_ros2.services.fields``: a pair of numbers in Python."""
 
 
 def code(shapes: Shapes) -> dict[Path, str]:
@@ -116,7 +116,7 @@ def _arguments(reads: Iterable[tuple[str, str]], message: str = "message") -> st
 
 def _calls(served: Sequence[Served], structs: Sequence[Struct]) -> str:
     own = [each for each in served if each.member and not each.is_by_hand]
-    flown = [each for each in served if each.member and each.goal_items and each.is_beside is False]
+    flown = [each for each in served if each.member and each.goal_items and each.is_of_service is False]
     calls = [each for each in own if each.has_service]
     functions = [*map(_call, calls), *map(_flight, flown)]
     table = "".join(f'    "{each.name}": {_function(each)},\n' for each in calls)
@@ -185,10 +185,10 @@ def _call(served: Served) -> str:
 
 
 def _services(served: Sequence[Served]) -> str:
-    flying = "".join(_row(each) for each in served if not each.is_beside and each.has_service)
-    ours = "".join(_row(each) for each in served if each.is_beside and not each.is_simulation)
+    flying = "".join(_row(each) for each in served if not each.is_of_service and each.has_service)
+    ours = "".join(_row(each) for each in served if each.is_of_service and not each.is_simulation)
     world = "".join(_row(each) for each in served if each.is_simulation)
-    tasks = "".join(_task_row(each) for each in served if not each.is_beside and each.goal_items)
+    tasks = "".join(_task_row(each) for each in served if not each.is_of_service and each.goal_items)
     return formatted(
         f'''"""The services and actions of the node. ``make proto`` writes this file: do not edit it."""
 
@@ -258,7 +258,7 @@ def _client_values(structs: Sequence[Struct], served: Sequence[Served]) -> str:
 
 def _is_asked(served: Served) -> bool:
     """Returns whether a member of the tests' program has its request: a derived one, or one by hand."""
-    return served.is_beside or any(_asks(served) in path.read_text("utf-8") for path in TESTS.glob("ros_*.py"))
+    return served.is_of_service or any(_asks(served) in path.read_text("utf-8") for path in TESTS.glob("ros_*.py"))
 
 
 def _client_members(structs: Sequence[Struct], served: Sequence[Served]) -> str:
@@ -267,7 +267,7 @@ def _client_members(structs: Sequence[Struct], served: Sequence[Served]) -> str:
         f'Member({_type(each)}, "{each.name}", {_asks(each)}, {_answer(each)}),\n'
         for each in _members(served)
     )
-    body = f"MEMBERS: Final[Mapping[tuple[str, str], Member]] = {{\n{rows}}}\n\n\n{_beside()}"
+    body = f"MEMBERS: Final[Mapping[tuple[str, str], Member]] = {{\n{rows}}}\n\n\n{_service_members()}"
     return _module(
         "The members of `ual.interface` that are services in ROS.",
         body,
@@ -276,19 +276,19 @@ def _client_members(structs: Sequence[Struct], served: Sequence[Served]) -> str:
     )
 
 
-def _beside() -> str:
+def _service_members() -> str:
     """Returns the class with the members of a UAV that are services beside flying."""
     uav = functions(classes(INTERFACE)["Uav"])
     found = [(name, ast.unparse(each.returns)) for name, each in uav.items() if each.returns and _is_part(each)]
     members = "".join(
         f"    @property\n    def {name}(self) -> ual.interface.{kind}:\n"
-        f"        found: ual.interface.{kind} = self._beside.{name}\n        return found\n\n"
+        f"        found: ual.interface.{kind} = self._services.{name}\n        return found\n\n"
         for name, kind in found
     )
     return (
-        "class BesideMembers(ual.interface.Uav):\n"
+        "class ServiceMembers(ual.interface.Uav):\n"
         '    """A UAV with its services beside flying."""\n\n'
-        f"    _beside: Any\n\n{members}"
+        f"    _services: Any\n\n{members}"
     )
 
 
@@ -300,7 +300,7 @@ def _is_part(member: ast.FunctionDef) -> bool:
 
 
 def _members(served: Sequence[Served]) -> list[Served]:
-    return [each for each in served if each.member and each.is_whole and each.is_beside]
+    return [each for each in served if each.member and each.is_whole and each.is_of_service]
 
 
 def _type(served: Served) -> str:
@@ -379,7 +379,7 @@ def _module(title: str, body: str, structs: Sequence[Struct] = (), asks: Sequenc
         *(f"import {each}" for each in modules if each != "ual"),
         *(["from std_srvs.srv import Trigger", "from ual_msgs import srv"] if "srv." in body else []),
         *_imported("ual_ros2", sorted({"paths", "pictures", "values"} & used)),
-        *_imported("ual_ros2.beside.fields", sorted(set(_FIELDS) & used)),
+        *_imported("ual_ros2.services.fields", sorted(set(_FIELDS) & used)),
         *_imported("reading", sorted((set(_READING) | {"Member", "nothing"}) & used)),
         *_imported("ual_ros2.command", sorted({"Flies", "Flyer", "Serves"} & used)),
         *_imported("ual_ros2.derived.values", sorted(told & used - own)),

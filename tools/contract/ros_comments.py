@@ -33,7 +33,7 @@ def comments(contract: FileDescriptorSet, names: Mapping[str, str]) -> dict[str,
     }
 
 
-def beside(*parts: str) -> str:
+def trailing(*parts: str) -> str:
     """Returns a comment beside a field: parts in one line, without a capital and without a full stop."""
     return "; ".join(_small(re.sub(r"(?<!\.)\.$", "", each)) for each in parts if each)
 

@@ -107,7 +107,7 @@ def _action(served: Served) -> str:
 def _on_success(item: RosField) -> RosField:
     if item.name == "task_id":
         return item
-    return RosField(item.type, item.name, "", ros_comments.beside(item.comment, "only on success"))
+    return RosField(item.type, item.name, "", ros_comments.trailing(item.comment, "only on success"))
 
 
 def _declared(items: Iterable[RosField]) -> list[str]:

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from tools.contract.compiled import ROOT
-from tools.contract.ros_comments import beside
+from tools.contract.ros_comments import trailing
 from tools.contract.ros_shapes import Served
 
 PAGE = ROOT / "docs" / "reference" / "clients" / "ros2.md"
@@ -29,7 +29,7 @@ def page(served: Iterable[Served]) -> dict[Path, str]:
     _, end, after = rest.partition(_END)
     if not begin or not end:
         raise SystemExit(f"{PAGE.name} has no lines {_BEGIN.strip()} and {_END.strip()}")
-    rows = "".join(_row(each) for each in served if each.is_beside)
+    rows = "".join(_row(each) for each in served if each.is_of_service)
     return {PAGE: f"{before}{begin}{_HEAD}{rows}\n{end}{after}"}
 
 
@@ -38,4 +38,4 @@ def _row(served: Served) -> str:
     [first, *_] = re.split(r"(?<=[.;]) ", served.head)
     if len(first.split()) > _MOST_WORDS:
         first = first.partition(":")[0]
-    return f"| `{served.name}` | {kind} | {beside(first.rstrip(';'))} |\n"
+    return f"| `{served.name}` | {kind} | {trailing(first.rstrip(';'))} |\n"

@@ -252,7 +252,7 @@ class Rules:
         x, f, unit = f"{{{attribute}}}", f"{{m}}.{name}", _UNIT.search(field.name)
         kind = _TYPES[field.type]
         zero = "0.0" if kind == "float64" else "0"
-        text = ros_comments.beside(_UNITS[unit[1]] if unit else "", ros_comments.unset(comment, "not given"))
+        text = ros_comments.trailing(_UNITS[unit[1]] if unit else "", ros_comments.unset(comment, "not given"))
         return FieldPart(
             (
                 RosField("bool", flag, f"{x} is not None", f"whether `{name}` is given"),
@@ -271,12 +271,12 @@ class Rules:
         if unit is not None and kind == "float64" and unit[1] == "percent":
             comment = re.sub(r"\bto 100\b", "to 1", comment)
         if field.is_repeated:
-            text = ros_comments.beside(_UNITS[unit[1]] if unit else "", comment)
+            text = ros_comments.trailing(_UNITS[unit[1]] if unit else "", comment)
             return FieldPart.of(f"{kind}[]", name, f"list({x})", attribute, f"{_container(hint)}({f})", text)
         if kind == "bool" and hint.is_optional:
             return FieldPart(
                 (
-                    RosField("bool", name, f"bool({x})", ros_comments.beside(ros_comments.without_unset(comment))),
+                    RosField("bool", name, f"bool({x})", ros_comments.trailing(ros_comments.without_unset(comment))),
                     RosField("bool", f"{name}_known", f"{x} is not None", "false: it does not say"),
                 ),
                 ((attribute, f"{f} if {f}_known else None"),),
@@ -287,10 +287,10 @@ class Rules:
             told, read = _scaled(unit[1], x, f, hint)
         comment = ros_comments.unset(comment, absent or "false")
         if absent and absent not in comment:
-            comment = ros_comments.beside(
+            comment = ros_comments.trailing(
                 comment, f"{absent}: not known" if not is_asked else f"{absent}: none is given"
             )
-        return FieldPart.of(kind, name, told, attribute, read, ros_comments.beside(_says(unit, comment), comment))
+        return FieldPart.of(kind, name, told, attribute, read, ros_comments.trailing(_says(unit, comment), comment))
 
     # --- Enums --------------------------------------------------------------------------------------------------------
 
@@ -300,19 +300,19 @@ class Rules:
         names = members_of(kind)
         if field.enum_type.name in NUMBERED:
             read = f"values.{snake(field.enum_type.name)}({f})"
-            text = ros_comments.beside("one of the above", f"0 is taken as {names[0]}")
+            text = ros_comments.trailing("one of the above", f"0 is taken as {names[0]}")
             return FieldPart.of("uint8", name, f"{x}.value", attribute, read, text)
         listed = ros_comments.listed(names)
         if field.is_repeated:
             read = f"frozenset({kind}[each] for each in {f})"
             return FieldPart.of(
-                "string[]", name, f"names_of({x})", attribute, read, ros_comments.beside(listed, comment)
+                "string[]", name, f"names_of({x})", attribute, read, ros_comments.trailing(listed, comment)
             )
-        text = ros_comments.beside(listed, ros_comments.unset(comment, "empty"))
+        text = ros_comments.trailing(listed, ros_comments.unset(comment, "empty"))
         is_asked = field.containing_type.name in self._asked
         read = f'named({kind}, {f}, "{name}")' if is_asked else f"{kind}[{f}]"
         if (zero := zero_of(kind)) is not None:  # one that stands for what is not named
-            text = ros_comments.beside(text, f"empty: {zero.lower()}")
+            text = ros_comments.trailing(text, f"empty: {zero.lower()}")
             return FieldPart.of("string", name, f"name_of({x})", attribute, f"{read} if {f} else {kind}.{zero}", text)
         if hint.is_optional:
             if "empty" not in text:
@@ -324,9 +324,9 @@ class Rules:
 
     def _of_message(self, field: FieldDescriptor, attribute: str, hint: Hint, comment: str) -> FieldPart:
         name, x, f = named(field), f"{{{attribute}}}", f"{{m}}.{named(field)}"
-        kind, text = field.message_type.name, ros_comments.beside(comment)
+        kind, text = field.message_type.name, ros_comments.trailing(comment)
         if kind == "Timestamp":
-            absent = ros_comments.beside(ros_comments.unset(comment, "zero"))
+            absent = ros_comments.trailing(ros_comments.unset(comment, "zero"))
             return FieldPart.of(
                 "builtin_interfaces/Time",
                 name,
@@ -337,7 +337,7 @@ class Rules:
             )
         if kind == "Duration":
             told, read, absent = _scalar("float64", hint, x, f, is_asked=False)
-            text = ros_comments.beside("seconds", comment, f"{absent}: not known" if absent else "")
+            text = ros_comments.trailing("seconds", comment, f"{absent}: not known" if absent else "")
             return FieldPart.of("float64", name, told, attribute, read, text)
         if kind == "MissionPlace":  # two attributes in Python
             return FieldPart(
@@ -352,7 +352,7 @@ class Rules:
             text = ros_comments.without_unit(ros_comments.unset(comment, _LACKING.get(kind, "zero")))
             if hint.is_optional and kind in _LACKING and _LACKING[kind] not in text:
                 text = f"{text.removesuffix('.')}; {_LACKING[kind]}: not known"
-            text = ros_comments.beside(_UNITS[unit[1]] if unit else "", text)
+            text = ros_comments.trailing(_UNITS[unit[1]] if unit else "", text)
             return FieldPart.of(type_, name, _in(told, x, f), attribute, _in(read, x, f), text)
         struct = self._struct_of(field.message_type)
         told, read = f"{snake(struct)}_fields", f"read_{snake(struct)}"
@@ -365,7 +365,7 @@ class Rules:
             return FieldPart.of(f"{struct}[]", name, items, attribute, f"{_container(hint)}(map({read}, {f}))", text)
         if hint.is_optional:
             items = f"[] if {x} is None else [{told}({x})]"
-            text = ros_comments.beside(ros_comments.unset(comment, "none"))
+            text = ros_comments.trailing(ros_comments.unset(comment, "none"))
             return FieldPart.of(f"{struct}[<=1]", name, items, attribute, f"next(map({read}, {f}), None)", text)
         return FieldPart.of(struct, name, f"{told}({x})", attribute, f"{read}({f})", text)
 
@@ -376,7 +376,7 @@ def named(field: FieldDescriptor) -> str:
 
 
 def _commented(item: RosField, comment: str) -> RosField:
-    return item if item.comment else replace(item, comment=ros_comments.beside(comment))
+    return item if item.comment else replace(item, comment=ros_comments.trailing(comment))
 
 
 def _inside(template: str, attribute: str) -> str:

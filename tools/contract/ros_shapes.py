@@ -76,7 +76,7 @@ class Served:
     """The class that the fields of the answer are the attributes of; empty: the answer has one field."""
 
     @property
-    def is_beside(self) -> bool:
+    def is_of_service(self) -> bool:
         """Whether it is no service of flying."""
         return self.service != "UalService"
 

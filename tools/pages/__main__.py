@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from tools.pages import command_line, settings, telemetry
+from tools.pages import options, settings, telemetry
 from tools.pages.pictures import PICTURES
 
 ROOT = Path(__file__).parents[2]
@@ -19,7 +19,7 @@ _REFERENCE = ROOT / "docs" / "reference"
 def derived() -> dict[Path, str]:
     """Returns all pages and pictures that follow from the code, by path."""
     return {
-        _REFERENCE / "command-line.md": command_line.page(),
+        _REFERENCE / "command-line.md": options.page(),
         _REFERENCE / "settings.md": settings.page(),
         _REFERENCE / "telemetry.md": telemetry.page(),
         **{ROOT / "docs" / "figures" / f"{name}.svg": str(draw()) for name, draw in PICTURES.items()},

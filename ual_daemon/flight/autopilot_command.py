@@ -8,7 +8,7 @@ from concurrent.futures import Future
 from ual.errors import RejectedByAutopilotError, UalError, UalTimeoutError
 from ual_daemon import traces
 from ual_daemon.backends import futures
-from ual_daemon.backends.judged import judged_by
+from ual_daemon.backends.command_snapshot import judged_by
 from ual_daemon.backends.values import Snapshot
 
 COMMAND_PATIENCE_S = 5.0

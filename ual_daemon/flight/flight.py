@@ -29,8 +29,8 @@ from ual_daemon.backends.values import (
     VelocitySetpoint,
 )
 from ual_daemon.flight.autopilot_command import AutopilotCommand
+from ual_daemon.flight.current_manoeuvre import SILENT, CurrentManoeuvre, Ending
 from ual_daemon.flight.explanation import Explanation
-from ual_daemon.flight.flown import SILENT, CurrentManoeuvre, Ending
 from ual_daemon.flight.manoeuvres.fly_reference import FlyReference, ReferenceRules
 from ual_daemon.flight.manoeuvres.land import Landing
 from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Manoeuvre
@@ -105,7 +105,7 @@ class CommandOrigin(NamedTuple):
     since: LastCommand | None = None
 
 
-class FlownRoute(NamedTuple):
+class RunningRoute(NamedTuple):
     """The way that is flown, as points in the local frame; see `ual.types.Route`."""
 
     points: Sequence[Vector3]
@@ -259,13 +259,13 @@ class Flight:
         reference = self._current_reference()
         return None if reference is None else reference.pose()
 
-    def way(self, snapshot: Snapshot) -> FlownRoute | None:
+    def way(self, snapshot: Snapshot) -> RunningRoute | None:
         """Returns the way that is flown; None where none is known."""
         manoeuvre = self._flown.manoeuvre
         points = () if manoeuvre is None else manoeuvre.way(snapshot.time_s)
         if manoeuvre is None or not points:
             return None
-        return FlownRoute(points, "" if manoeuvre.task is None else manoeuvre.task.id, manoeuvre.is_goal_moving)
+        return RunningRoute(points, "" if manoeuvre.task is None else manoeuvre.task.id, manoeuvre.is_goal_moving)
 
     def start(self, snapshot: Snapshot) -> Motion:
         """Returns the motion in which the next trajectory begins; see `next_start`."""

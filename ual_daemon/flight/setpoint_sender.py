@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Setpoint, Snapshot, Takes, VelocitySetpoint
-from ual_daemon.flight.flown import CurrentManoeuvre
+from ual_daemon.flight.current_manoeuvre import CurrentManoeuvre
 from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre
 from ual_daemon.flight.policy.dropped_positions import DroppedPositions
 from ual_daemon.tracker.limits import CurrentLimits

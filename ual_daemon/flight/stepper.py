@@ -14,8 +14,8 @@ from ual_daemon import logs
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Cause, Control, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
+from ual_daemon.flight.current_manoeuvre import SILENT, CurrentManoeuvre, Ending
 from ual_daemon.flight.fitting import Fitting
-from ual_daemon.flight.flown import SILENT, CurrentManoeuvre, Ending
 from ual_daemon.flight.manoeuvres.fly_reference import HOLDS, FlyReference, ReferenceRules
 from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Manoeuvre, Step, guarded
 from ual_daemon.flight.setpoint_sender import SetpointSender

@@ -36,8 +36,8 @@ if TYPE_CHECKING:
     from ual.interface import Simulation
     from ual_daemon.choice import ServedVehicle
     from ual_daemon.program.metrics.gathering import ProcessMetrics
+    from ual_daemon.program.network.announcement import UavAnnouncement
     from ual_daemon.program.network.publisher import Publisher
-    from ual_daemon.program.network.told import UavAnnouncement
     from ual_daemon.program.recording.audit import Audit
     from ual_daemon.program.recording.recording import DaemonRecording
     from ual_daemon.server.access.policy import Access
@@ -281,7 +281,7 @@ class _Served:
 
     def told(self) -> UavAnnouncement:
         """Returns what the network is told of it."""
-        from ual_daemon.program.network.told import UavAnnouncement
+        from ual_daemon.program.network.announcement import UavAnnouncement
 
         vehicle = self._vehicle
         return UavAnnouncement(

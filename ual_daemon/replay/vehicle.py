@@ -49,7 +49,7 @@ class _Unwatched:
     why = ""
 
 
-class _NothingFlown:
+class _NoActivity:
     """Activity of UAL during a replay, which is none; see `ual_daemon.vehicle.telemetry.Doing`."""
 
     def __init__(self, limitation: str) -> None:
@@ -64,8 +64,8 @@ class _NothingFlown:
         return None
 
 
-_RECORDED = _NothingFlown("")
-_NOT_RECORDED = _NothingFlown(LIMITATION)
+_RECORDED = _NoActivity("")
+_NOT_RECORDED = _NoActivity(LIMITATION)
 
 
 class PlayedVehicle(ReportedVehicle):

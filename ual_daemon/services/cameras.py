@@ -25,9 +25,9 @@ from ual.geometry import PoseStamped
 from ual_daemon import validation
 from ual_daemon.backends.chain import shared, then
 from ual_daemon.backends.offers.cameras import (
+    CameraDriver,
+    CameraDrivers,
     EncodedImage,
-    OfferedCamera,
-    OfferedCameras,
     TakenPhoto,
     Viewpoint,
     mounted,
@@ -153,10 +153,10 @@ class VehicleCameras:
                 newest = self._newest[number, kind] = _Ordered(time.monotonic(), self._made(number, None, kind))
         return shared(newest.image)
 
-    def _offer(self) -> OfferedCameras:
-        return offered(self._vehicle, OfferedCameras, "cameras")  # type: ignore[type-abstract]  # it is only looked for
+    def _offer(self) -> CameraDrivers:
+        return offered(self._vehicle, CameraDrivers, "cameras")  # type: ignore[type-abstract]  # it is only looked for
 
-    def _found(self, number: int) -> OfferedCamera:
+    def _found(self, number: int) -> CameraDriver:
         cameras = self._offer().all()
         number = _whole(number, "camera", at_most=2**32 - 1)
         if number >= len(cameras):
@@ -164,7 +164,7 @@ class VehicleCameras:
             raise InvalidArgumentError(f"camera: there is no camera {number}: {have}", {"field": "camera"})
         return cameras[number]
 
-    def _able(self, number: int, ability: CameraAbility) -> OfferedCamera:
+    def _able(self, number: int, ability: CameraAbility) -> CameraDriver:
         camera = self._found(number)
         if ability not in camera.info.abilities:
             can = ", ".join(sorted(each.name.lower() for each in camera.info.abilities)) or "nothing"
@@ -172,7 +172,7 @@ class VehicleCameras:
             raise NotSupportedError(text, {"ability": ability.name.lower()})
         return camera
 
-    def _ordered(self, number: int, ability: CameraAbility, command: str) -> OfferedCamera:
+    def _ordered(self, number: int, ability: CameraAbility, command: str) -> CameraDriver:
         camera = self._able(number, ability)
         if self._vehicle.is_watch_only:
             raise only_watching(command)

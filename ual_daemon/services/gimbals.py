@@ -23,7 +23,7 @@ from ual.gimbals import (
 )
 from ual_daemon import validation
 from ual_daemon.backends.chain import then, then_wait
-from ual_daemon.backends.offers.gimbals import OfferedGimbal, OfferedGimbals
+from ual_daemon.backends.offers.gimbals import GimbalDriver, GimbalDrivers
 from ual_daemon.flight.refusals import only_watching
 from ual_daemon.services.answers import Pause, Steps
 from ual_daemon.services.vehicle import GimbalVehicle, offered
@@ -136,7 +136,7 @@ class VehicleGimbals:
 
     def _give(
         self,
-        gimbal: OfferedGimbal,
+        gimbal: GimbalDriver,
         activity: GimbalActivity,
         order: Callable[[], Future[None]],
         followed: GimbalTarget | None = None,
@@ -148,13 +148,13 @@ class VehicleGimbals:
         given = then_wait(gimbal.take_control(), lambda _: order()) if is_free else order()
         return then(given, lambda _: gimbals.did(number, begun, activity, followed))
 
-    def _offer(self) -> OfferedGimbals:
-        return offered(self._vehicle, OfferedGimbals, "gimbals")  # type: ignore[type-abstract]  # it is only looked for
+    def _offer(self) -> GimbalDrivers:
+        return offered(self._vehicle, GimbalDrivers, "gimbals")  # type: ignore[type-abstract]  # it is only looked for
 
     def _named(self, info: GimbalInfo) -> GimbalInfo:
         return replace(info, frame_id=self._vehicle.gimbals.frame_id(info.number))
 
-    def _heard(self, number: int) -> OfferedGimbal:
+    def _heard(self, number: int) -> GimbalDriver:
         gimbals = self._offer().all()
         validation.require_type(number, int, "gimbal")
         if not 0 <= number < len(gimbals):
@@ -165,7 +165,7 @@ class VehicleGimbals:
             raise LinkLostError(f"gimbal {number} ({gimbal.info.name}) is not heard")
         return gimbal
 
-    def _able(self, number: int, ability: GimbalAbility, command: str) -> OfferedGimbal:
+    def _able(self, number: int, ability: GimbalAbility, command: str) -> GimbalDriver:
         gimbal = self._heard(number)
         info = gimbal.info
         if ability not in info.abilities:
@@ -176,7 +176,7 @@ class VehicleGimbals:
             raise only_watching(command)
         return gimbal
 
-    def _ordered(self, number: int, ability: GimbalAbility, command: str) -> OfferedGimbal:
+    def _ordered(self, number: int, ability: GimbalAbility, command: str) -> GimbalDriver:
         gimbal = self._able(number, ability, command)
         control, words = gimbal.control()
         if control is GimbalControl.OTHER:

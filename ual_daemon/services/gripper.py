@@ -17,7 +17,7 @@ from ual.gripper import GripperState, WinchAction, WinchStatus
 from ual_daemon import validation
 from ual_daemon.backends import futures
 from ual_daemon.backends.chain import then, together
-from ual_daemon.backends.offers.gripper import OfferedGripper, ServoOrder, WinchOrder
+from ual_daemon.backends.offers.gripper import GripperDriver, ServoOrder, WinchOrder
 from ual_daemon.services.vehicle import ServedVehicle, offered, require_change
 from ual_daemon.settings import GripperSettings, RelaySettings, ServoSettings, WinchSettings
 from ual_daemon.vehicle.equipment import PayloadDevice, PayloadEquipment
@@ -113,19 +113,19 @@ class VehicleGripper:
         require = partial(require_change, self._vehicle, f"order {device.text}", lease_id)
         return self._vehicle.equipment.give(device, text, begin, holds=holds, require=require)
 
-    def _gripper(self, offer: OfferedGripper, each: GripperSettings) -> Future[values.GripperInfo]:
+    def _gripper(self, offer: GripperDriver, each: GripperSettings) -> Future[values.GripperInfo]:
         def made(state: GripperState | None, note: str) -> values.GripperInfo:
             return values.GripperInfo(each.name, state or _UNKNOWN, self._ordered("gripper", each), note)
 
         return _noted(partial(offer.gripper_state, each.instance), made)
 
-    def _winch(self, offer: OfferedGripper, each: WinchSettings) -> Future[values.WinchInfo]:
+    def _winch(self, offer: GripperDriver, each: WinchSettings) -> Future[values.WinchInfo]:
         def made(status: WinchStatus | None, note: str) -> values.WinchInfo:
             return values.WinchInfo(each.name, status, self._ordered("winch", each), note)
 
         return _noted(partial(offer.winch_status, each.instance), made)
 
-    def _servo(self, offer: OfferedGripper, each: ServoSettings) -> Future[values.ServoInfo]:
+    def _servo(self, offer: GripperDriver, each: ServoSettings) -> Future[values.ServoInfo]:
         positions = tuple(each.positions.items())
 
         def made(pwm_us: int | None, note: str) -> values.ServoInfo:
@@ -135,7 +135,7 @@ class VehicleGripper:
 
         return _noted(partial(offer.servo_pwm_us, each.channel), made)
 
-    def _relay(self, offer: OfferedGripper, each: RelaySettings) -> Future[values.RelayInfo]:
+    def _relay(self, offer: GripperDriver, each: RelaySettings) -> Future[values.RelayInfo]:
         def made(is_on: bool | None, note: str) -> values.RelayInfo:
             return values.RelayInfo(each.name, each.on_name, each.off_name, is_on, self._ordered("relay", each), note)
 
@@ -144,8 +144,8 @@ class VehicleGripper:
     def _ordered(self, kind: str, each: _Named) -> str:
         return self._vehicle.equipment.ordered(PayloadDevice(kind, each.name))
 
-    def _offer(self) -> OfferedGripper:
-        return offered(self._vehicle, OfferedGripper, "grippers")  # type: ignore[type-abstract]  # it is only looked for
+    def _offer(self) -> GripperDriver:
+        return offered(self._vehicle, GripperDriver, "grippers")  # type: ignore[type-abstract]  # it is only looked for
 
 
 def _found(configured: Sequence[N], name: str, field: str, section: str) -> N:

@@ -22,7 +22,7 @@ from ual.geometry import Twist, Vector3, wrap_angle
 from ual.types import Limits
 from ual_daemon.backends.values import Snapshot, VelocityResponse, VelocityResponses
 from ual_daemon.tracker.limits import clamped, scaled_down
-from ual_daemon.tracker.place import ExpectedMotion, MotionEstimate, VelocityPlace
+from ual_daemon.tracker.velocity_end_point import ExpectedMotion, MotionEstimate, VelocityEndPoint
 from ual_daemon.tracker.velocity_error import VelocityError
 from ual_daemon.trajectory import Motion
 
@@ -53,7 +53,7 @@ class DriftCorrection:
         """Velocity to add now, along the local axes."""
         self.yaw_rate_rad_s = 0.0
         """Yaw rate to add now."""
-        self._places: tuple[VelocityPlace, VelocityPlace] | None = None
+        self._places: tuple[VelocityEndPoint, VelocityEndPoint] | None = None
         self._yaw_rad: float | None = None
         self._before: Before | None = None
         self._seen: deque[Snapshot] = deque(maxlen=_SEEN_COUNT)
@@ -103,7 +103,7 @@ class DriftCorrection:
         here = _position(snapshot)
         return MotionEstimate(here, velocity, self._error.step(snapshot.time_s, here, velocity))
 
-    def _begin(self, snapshot: Snapshot, responses: VelocityResponses) -> tuple[VelocityPlace, VelocityPlace]:
+    def _begin(self, snapshot: Snapshot, responses: VelocityResponses) -> tuple[VelocityEndPoint, VelocityEndPoint]:
         """Returns the places of a velocity that begins: with the motion before, or else with the measured one."""
         before = None if self._before is None else self._before(snapshot)
         self._yaw_rad = None if before is None else _held_yaw_rad(before, snapshot)
@@ -126,9 +126,9 @@ class DriftCorrection:
         self._yaw_rad, self.yaw_rate_rad_s = yaw_rad + lag_rad, lag_rad * _YAW_GAIN
 
 
-def _place(part: Callable[[Vector3], Vector3], before: Motion, response: VelocityResponse) -> VelocityPlace:
+def _place(part: Callable[[Vector3], Vector3], before: Motion, response: VelocityResponse) -> VelocityEndPoint:
     motion = part(before.position), part(before.velocity), part(before.acceleration)
-    return VelocityPlace(ExpectedMotion(*motion, response))
+    return VelocityEndPoint(ExpectedMotion(*motion, response))
 
 
 def _held_yaw_rad(before: Motion, snapshot: Snapshot) -> float | None:

@@ -20,7 +20,7 @@ from ual.types import Limits
 from ual_daemon.backends.values import Setpoint, Snapshot
 from ual_daemon.tracker.limits import clamped
 from ual_daemon.tracker.references import Reference, measured_motion, pose_of, setpoint_of
-from ual_daemon.trajectory import Brake, Motion, StraightLine, Trajectory
+from ual_daemon.trajectory import Brake, Motion, StraightTrajectory, Trajectory
 from ual_daemon.trajectory.envelope import speed_share
 
 _PLAN_PERIOD_S = 0.1
@@ -122,7 +122,7 @@ class MovingGoal(Reference):
             yaw_rate_rad_s=start.yaw_rate_rad_s - goal.yaw_rate_rad_s,
         )
         left_m_s = _left(self._max_speed_m_s, goal.velocity.norm())
-        return StraightLine(relative, Vector3(), 0.0, _relative_limits(goal, self._limits), left_m_s)
+        return StraightTrajectory(relative, Vector3(), 0.0, _relative_limits(goal, self._limits), left_m_s)
 
     def _require_admitted(self, plan: _Plan, start: Motion, goal: Motion, snapshot: Snapshot) -> None:
         """Raises a `UalError` if the geofence does not admit the plan.

@@ -14,10 +14,10 @@
 """
 
 from ual_daemon.trajectory.envelope import acceleration_limit, speed_limit
-from ual_daemon.trajectory.line import Brake, StraightLine
 from ual_daemon.trajectory.motion import Motion, Trajectory
 from ual_daemon.trajectory.path import Chain, PathWaypoint, path
 from ual_daemon.trajectory.run import Run
+from ual_daemon.trajectory.straight import Brake, StraightTrajectory
 
 __all__ = [
     "Brake",
@@ -25,7 +25,7 @@ __all__ = [
     "Motion",
     "PathWaypoint",
     "Run",
-    "StraightLine",
+    "StraightTrajectory",
     "Trajectory",
     "acceleration_limit",
     "path",

@@ -16,12 +16,12 @@ from ual.types import Limits, PathHeading
 from ual_daemon.trajectory.bend import aim
 from ual_daemon.trajectory.facing import Facing, free_m
 from ual_daemon.trajectory.heading import Turns, turn_s
-from ual_daemon.trajectory.line import StraightLine
 from ual_daemon.trajectory.motion import Motion, Trajectory
 from ual_daemon.trajectory.pieces import Pieces
 from ual_daemon.trajectory.run import CLOSE_SHARE, Run
 from ual_daemon.trajectory.simplify import kept
 from ual_daemon.trajectory.stay import Stay
+from ual_daemon.trajectory.straight import StraightTrajectory
 
 _SAME_PLACE_M = 1e-6
 _LEAST_CUT_M = 1e-3
@@ -187,7 +187,7 @@ class _Planner:
         """Plans the part from one stop to the next."""
         if self._heading is PathHeading.POINT_OF_INTEREST:
             if (self._points[last] - now.position).norm() < _SAME_PLACE_M and last - first == 1:
-                return [StraightLine(now, self._points[last], now.yaw_rad, self._limits)]
+                return [StraightTrajectory(now, self._points[last], now.yaw_rad, self._limits)]
             return [self._run(now, first, last)]
         if self._heading is PathHeading.ALONG_PATH and _is_resting(now):
             yaw_rad = _azimuth(self._points[last if last - first == 1 else first + 1] - now.position, now.yaw_rad)
@@ -197,7 +197,7 @@ class _Planner:
             )
             if wrap_angle(yaw_rad - now.yaw_rad) == 0.0:
                 return [onward]
-            return [StraightLine(now, now.position, yaw_rad, self._limits), onward]
+            return [StraightTrajectory(now, now.position, yaw_rad, self._limits), onward]
         if last - first > 1:
             return [self._run(now, first, last)]
         if self._heading is PathHeading.WAYPOINTS:
@@ -208,8 +208,8 @@ class _Planner:
             return [self._line(now, last, turns.end_rad)]
         return [self._line(now, last, _azimuth(self._points[last] - now.position, now.yaw_rad))]
 
-    def _line(self, now: Motion, last: int, yaw_rad: float) -> StraightLine:
-        return StraightLine(now, self._points[last], yaw_rad, self._limits, self._fastest[last - 1])
+    def _line(self, now: Motion, last: int, yaw_rad: float) -> StraightTrajectory:
+        return StraightTrajectory(now, self._points[last], yaw_rad, self._limits, self._fastest[last - 1])
 
     def _run(self, now: Motion, first: int, last: int) -> Run:
         """Plans the legs from waypoint `first` to `last`, without a stop."""

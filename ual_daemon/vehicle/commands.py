@@ -39,13 +39,13 @@ from ual_daemon.flight.tasks import Tasks, VehicleTask
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.settings import VehicleSettings
 from ual_daemon.tracker.references import Hold, Reference, measured_motion
-from ual_daemon.trajectory import StraightLine
+from ual_daemon.trajectory import StraightTrajectory
 from ual_daemon.vehicle.admission import admit
+from ual_daemon.vehicle.distance_limit import DistanceLimit
 from ual_daemon.vehicle.landings import Landings
 from ual_daemon.vehicle.planner import Planner
 from ual_daemon.vehicle.preconditions import Preconditions
 from ual_daemon.vehicle.prepared import Prepared
-from ual_daemon.vehicle.reach_limit import ReachLimit
 from ual_daemon.vehicle.refusal_log import accepted
 from ual_daemon.vehicle.setpoints import VehicleSetpoints
 
@@ -55,11 +55,11 @@ _NOT_FLOWN_YET = (*_ON_WAY_UP, State.FLYING_MANUAL)
 _SEEN = tuple(state for state in State if state is not State.UNINITIALIZED)
 
 
-def _climb(height_m: float, bounds: Limits, snapshot: Snapshot) -> StraightLine:
+def _climb(height_m: float, bounds: Limits, snapshot: Snapshot) -> StraightTrajectory:
     """Returns the straight way up from where the UAV stands."""
     ground = measured_motion(snapshot)
     top = ground.position + Vector3(0.0, 0.0, height_m)
-    return StraightLine(Hold(ground.position, ground.yaw_rad).motion(snapshot), top, ground.yaw_rad, bounds)
+    return StraightTrajectory(Hold(ground.position, ground.yaw_rad).motion(snapshot), top, ground.yaw_rad, bounds)
 
 
 class Commands:
@@ -89,11 +89,13 @@ class Commands:
         self._allow_arming = allow_arming
         self.is_armed_automatically = False
         """Whether a simulated safety pilot arms whenever the UAV is ready on the ground: a take-off waits for that."""
-        reach_limit = ReachLimit(settings)
+        distance_limit = DistanceLimit(settings)
         self._landings = Landings(backend, flight)
         flight.land_here = self._land_where_it_fell
-        self._planner = Planner(backend, flight, resolver, preconditions, tasks, settings, reach_limit, self._landings)
-        self.setpoints = VehicleSetpoints(flight, resolver, preconditions, reach_limit)
+        self._planner = Planner(
+            backend, flight, resolver, preconditions, tasks, settings, distance_limit, self._landings
+        )
+        self.setpoints = VehicleSetpoints(flight, resolver, preconditions, distance_limit)
         """The commands that are sent as they are: `set_pose` and `set_velocity`."""
 
     # --- Motions ------------------------------------------------------------------------------------------------------

@@ -19,7 +19,7 @@ from ual_daemon.flight.policy.home import home_place
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.settings import VehicleSettings
 from ual_daemon.trajectory import Motion, PathWaypoint, Trajectory, path
-from ual_daemon.vehicle.way_home import WayHome, plan_way_home
+from ual_daemon.vehicle.return_plan import ReturnPlan, plan_way_home
 
 LONG_COUNT = 200
 """A path of more waypoints takes more than 15 ms to plan, 30 ms inside a fence."""
@@ -177,7 +177,7 @@ class StraightCourse(PathCourse):
         return self._follow_goal(task, snapshot)
 
 
-class WayHomeCourse(HomeCourse):
+class ReturnCourse(HomeCourse):
     """The way home: home may be set elsewhere, or be corrected."""
 
     def __init__(
@@ -186,7 +186,7 @@ class WayHomeCourse(HomeCourse):
         settings: VehicleSettings,
         height_m: float | None,
         bounds: Callable[[], Limits],
-        way: WayHome,
+        way: ReturnPlan,
     ) -> None:
         self._flight, self._settings, self._height_m, self._bounds = flight, settings, height_m, bounds
         self._planned_by = bounds()

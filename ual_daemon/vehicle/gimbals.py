@@ -24,7 +24,7 @@ from ual.gimbals import (
 )
 from ual_daemon import validation
 from ual_daemon.backends.base import Backend
-from ual_daemon.backends.offers.gimbals import GimbalAttitude, OfferedGimbal, OfferedGimbals
+from ual_daemon.backends.offers.gimbals import GimbalAttitude, GimbalDriver, GimbalDrivers
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.frames.resolver import FrameResolver, Goal
 
@@ -77,7 +77,7 @@ class UavGimbals:
     def __init__(self, backend: Backend, resolver: FrameResolver) -> None:
         self._backend = backend
         self._resolver = resolver
-        self._offer = backend.offer(OfferedGimbals)  # type: ignore[type-abstract]  # it is only looked for
+        self._offer = backend.offer(GimbalDrivers)  # type: ignore[type-abstract]  # it is only looked for
         self._lock = threading.Lock()
         self._orders: dict[int, _GimbalOrder] = {}
         self._attached_count = 0
@@ -98,7 +98,7 @@ class UavGimbals:
             raise validation.refuse("point.header.frame_id", f"{goal.frame_id} turns with the gimbal itself")
         return goal
 
-    def aim_now(self, gimbal: OfferedGimbal, goal: Goal) -> Aim:
+    def aim_now(self, gimbal: GimbalDriver, goal: Goal) -> Aim:
         """Returns how a gimbal has to be turned to look at a goal; see `aim`, also for what is raised."""
         return self.aim(gimbal, goal, self._backend.snapshot())
 
@@ -134,7 +134,7 @@ class UavGimbals:
         for number, order in list(self._orders.items()):
             self._step(number, self._all()[number], order, snapshot)
 
-    def _step(self, number: int, gimbal: OfferedGimbal, order: _GimbalOrder, snapshot: Snapshot) -> None:
+    def _step(self, number: int, gimbal: GimbalDriver, order: _GimbalOrder, snapshot: Snapshot) -> None:
         control, words = gimbal.control()
         if control is GimbalControl.OTHER and order.activity is not None:
             self._end(number, order, f"{words} has taken the control of it: what this daemon ordered has ended")
@@ -151,7 +151,7 @@ class UavGimbals:
             if self._orders[number] is order:
                 self._put(number, _GimbalOrder(order.number, problem=problem))
 
-    def _follow(self, number: int, gimbal: OfferedGimbal, order: _GimbalOrder, goal: Goal, snapshot: Snapshot) -> None:
+    def _follow(self, number: int, gimbal: GimbalDriver, order: _GimbalOrder, goal: Goal, snapshot: Snapshot) -> None:
         try:
             aim = self.aim(gimbal, goal, snapshot)
         except UalError as error:
@@ -167,7 +167,7 @@ class UavGimbals:
             _log.warning("gimbal %d does not see what it follows: %s", number, problem)
         order.problem = problem
 
-    def aim(self, gimbal: OfferedGimbal, goal: Goal, snapshot: Snapshot) -> Aim:
+    def aim(self, gimbal: GimbalDriver, goal: Goal, snapshot: Snapshot) -> Aim:
         """Returns how a gimbal has to be turned now to look at a goal.
 
         Raises:
@@ -199,7 +199,7 @@ class UavGimbals:
         """
         return self._require_body(self._backend.snapshot()).yaw_rad
 
-    def status(self, gimbal: OfferedGimbal) -> GimbalStatus:
+    def status(self, gimbal: GimbalDriver) -> GimbalStatus:
         """Returns where a gimbal looks, and what it does."""
         number, snapshot, attitude = gimbal.info.number, self._backend.snapshot(), gimbal.attitude()
         body = self._body(snapshot)
@@ -223,7 +223,7 @@ class UavGimbals:
         )
 
     def _off_target_rad(
-        self, gimbal: OfferedGimbal, goal: Goal, in_local: Quaternion, snapshot: Snapshot
+        self, gimbal: GimbalDriver, goal: Goal, in_local: Quaternion, snapshot: Snapshot
     ) -> float | None:
         try:
             way = self.aim(gimbal, goal, snapshot).way
@@ -239,11 +239,11 @@ class UavGimbals:
             self._resolver.tree.attach(self.frame_id(number), found[number].place, turned)
         self._attached_count = len(found)
 
-    def _turned(self, gimbal: OfferedGimbal) -> Quaternion | None:
+    def _turned(self, gimbal: GimbalDriver) -> Quaternion | None:
         attitude = gimbal.attitude()
         return None if attitude is None else attitude.in_body(self._body(self._backend.snapshot()))
 
-    def _all(self) -> Sequence[OfferedGimbal]:
+    def _all(self) -> Sequence[GimbalDriver]:
         return () if self._offer is None else self._offer.all()
 
     def _body(self, snapshot: Snapshot) -> Pose | None:

@@ -14,7 +14,7 @@ _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
-class FlownMission:
+class RunningMission:
     """A mission that is flown: by which vehicle, which one (`KeptMission.digest`), as which task.
 
     `paused_at` is the item at which the autopilot holds, counted from 1; 0 while it is not paused.
@@ -37,19 +37,19 @@ class MissionFile:
         """Returns the one that belongs to a file of home."""
         return cls(home_file.with_suffix(".mission"))
 
-    def read(self) -> FlownMission | None:
+    def read(self) -> RunningMission | None:
         """Returns what is flown; None if there is nothing, or nothing that can be used."""
         try:
             values = json.loads(self.kept.read())
             vehicle, digest, task_id = (str(values[name]) for name in ("vehicle", "digest", "task_id"))
-            return FlownMission(vehicle, digest, task_id, int(values.get("paused_at", 0)))
+            return RunningMission(vehicle, digest, task_id, int(values.get("paused_at", 0)))
         except FileNotFoundError:
             return None
         except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
             logs.event(_log, logging.WARNING, "mission_file_ignored", file=str(self.kept.path), why=repr(error))
             return None
 
-    def write(self, flown: FlownMission) -> None:
+    def write(self, flown: RunningMission) -> None:
         """Keeps what is flown."""
         self.kept.write(json.dumps(asdict(flown)) + "\n")
 

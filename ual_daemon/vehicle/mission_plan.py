@@ -26,9 +26,9 @@ from ual_daemon.flight.policy.home import home_place
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.tracker.limits import at_most
 from ual_daemon.tracker.references import measured_motion
-from ual_daemon.trajectory import Motion, StraightLine
+from ual_daemon.trajectory import Motion, StraightTrajectory
 from ual_daemon.trajectory import PathWaypoint as Local
-from ual_daemon.vehicle.reach_limit import ReachLimit
+from ual_daemon.vehicle.distance_limit import DistanceLimit
 
 COMMAND = "mission"
 
@@ -36,10 +36,10 @@ COMMAND = "mission"
 class MissionPlanner:
     """Makes the dry runs of missions of one UAV. Any thread may call."""
 
-    def __init__(self, flight: Flight, resolver: FrameResolver, reach_limit: ReachLimit) -> None:
+    def __init__(self, flight: Flight, resolver: FrameResolver, distance_limit: DistanceLimit) -> None:
         self._flight = flight
         self._resolver = resolver
-        self._reach_limit = reach_limit
+        self._distance_limit = distance_limit
 
     def plan(self, items: Sequence[Item], snapshot: Snapshot, first: int = 1) -> MissionPlan:
         """Returns what a mission would be that begins with an item, counted from 1, where the UAV is.
@@ -53,7 +53,9 @@ class MissionPlanner:
             why = self._flight.estimate(snapshot).why
             text = f"{COMMAND}: its way cannot be planned before it is known where the UAV is: {why}"
             raise WrongStateError(text, {"command": COMMAND, "needed": "pose"})
-        return _Walk(self._flight, self._resolver, self._reach_limit, items, snapshot).plan(executed(items, first - 1))
+        return _Walk(self._flight, self._resolver, self._distance_limit, items, snapshot).plan(
+            executed(items, first - 1)
+        )
 
 
 class _Walk:
@@ -63,11 +65,11 @@ class _Walk:
         self,
         flight: Flight,
         resolver: FrameResolver,
-        reach_limit: ReachLimit,
+        distance_limit: DistanceLimit,
         items: Sequence[Item],
         snapshot: Snapshot,
     ) -> None:
-        self._flight, self._resolver, self._reach_limit = flight, resolver, reach_limit
+        self._flight, self._resolver, self._distance_limit = flight, resolver, distance_limit
         self._items, self._snapshot = items, snapshot
         self._ground_z_m = flight.geofence.ground_z_m(snapshot)
         self._limits = flight.limits.cruise()
@@ -146,7 +148,7 @@ class _Walk:
 
     def _require_reach(self, index: int, at: GeoWaypoint, position: Vector3) -> None:
         what = f"{COMMAND}: {name_of(self._items, index)}"
-        self._reach_limit.require_goal(what, at, Local(position), self._snapshot)
+        self._distance_limit.require_goal(what, at, Local(position), self._snapshot)
 
     def _leg(self, index: int, goal: Vector3) -> None:
         if (index, self._here) not in self._seen:
@@ -164,7 +166,7 @@ class _Walk:
             geofence.require_inside([self._here, goal], what, snapshot)
 
     def _add(self, goal: Vector3) -> None:
-        line = StraightLine(Motion(self._here, 0.0), goal, 0.0, self._limits)
+        line = StraightTrajectory(Motion(self._here, 0.0), goal, 0.0, self._limits)
         self._length_m += line.length_m
         self._duration_s += line.duration_s
         self._here = goal

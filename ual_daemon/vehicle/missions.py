@@ -27,11 +27,11 @@ from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.geodesy import FlatProjection
 from ual_daemon.settings import VehicleSettings
 from ual_daemon.tracker.references import Reference
-from ual_daemon.vehicle.mission_file import FlownMission, MissionFile
+from ual_daemon.vehicle.distance_limit import DistanceLimit
+from ual_daemon.vehicle.mission_file import MissionFile, RunningMission
 from ual_daemon.vehicle.mission_plan import MissionPlanner
 from ual_daemon.vehicle.mission_stage import Brought, judged_stage
 from ual_daemon.vehicle.preconditions import Preconditions
-from ual_daemon.vehicle.reach_limit import ReachLimit
 from ual_daemon.vehicle.refusal_log import accepted
 from ual_daemon.vehicle.upload_journal import MISSION, RALLY, UploadJournal
 
@@ -62,14 +62,14 @@ class Missions:
         self._flight = flight
         self._tasks = tasks
         self._preconditions = Preconditions(backend, flight)
-        self._planner = MissionPlanner(flight, resolver, ReachLimit(settings))
+        self._planner = MissionPlanner(flight, resolver, DistanceLimit(settings))
         self._file = file
         self._uploads = uploads
         self._lost = None if file is None or flight.is_watch_only else file.read()
         """Mission that the daemon flew before its restart, until it is found on the autopilot again or is gone."""
         self._finding: Future[KeptMission] | None = None
         self._next_s = -math.inf
-        self._kept_as: FlownMission | None = None
+        self._kept_as: RunningMission | None = None
         """Content of the file since this daemon flies a mission."""
         self._last: AutopilotMission | None = None
         """The newest mission that was flown, or is."""
@@ -254,7 +254,7 @@ class Missions:
         if self._file is None:
             return
         self._lost = None
-        self._kept_as = FlownMission(self._backend.info().identity, kept.digest, task.id, paused_at)
+        self._kept_as = RunningMission(self._backend.info().identity, kept.digest, task.id, paused_at)
         self._file.write(self._kept_as)
         task.future.add_done_callback(self._on_end)
 
@@ -296,7 +296,7 @@ class Missions:
         elif self._finding is not None and self._finding.done():
             self._on_found(lost, offer, self._finding)
 
-    def _why_gone(self, lost: FlownMission, offer: AutopilotMissions, snapshot: Snapshot, identity: str) -> str:
+    def _why_gone(self, lost: RunningMission, offer: AutopilotMissions, snapshot: Snapshot, identity: str) -> str:
         assert snapshot.control.armed is not None
         if identity != lost.vehicle:
             return "it is another vehicle"
@@ -306,7 +306,7 @@ class Missions:
             return f"the autopilot is in mode {snapshot.control.mode_name}"
         return _COMMANDED if self._flight.last_command.number else ""
 
-    def _on_found(self, lost: FlownMission, offer: AutopilotMissions, finding: Future[KeptMission]) -> None:
+    def _on_found(self, lost: RunningMission, offer: AutopilotMissions, finding: Future[KeptMission]) -> None:
         self._finding = None
         if finding.cancelled() or finding.exception() is not None:
             return  # it is read again

@@ -13,7 +13,7 @@ from ual_daemon.flight.flight import Flight
 from ual_daemon.frames.resolver import FrameResolver, Goal
 from ual_daemon.tracker.moving_goal import MovingGoal
 from ual_daemon.trajectory import Motion, PathWaypoint
-from ual_daemon.vehicle.reach_limit import ReachLimit
+from ual_daemon.vehicle.distance_limit import DistanceLimit
 
 _WHAT = "the goal in the moving frame"
 
@@ -21,7 +21,7 @@ _WHAT = "the goal in the moving frame"
 def moving_goal(
     flight: Flight,
     resolver: FrameResolver,
-    reach_limit: ReachLimit,
+    distance_limit: DistanceLimit,
     goal: Goal,
     bounds: Callable[[], Limits],
     snapshot: Snapshot,
@@ -37,7 +37,7 @@ def moving_goal(
         if flight.position.waits:
             raise TaskAbortedError(f"{_WHAT} is not followed: {flight.position.waits}", {"by": "estimator"})
         geofence.require_inside(polyline, _WHAT, now)
-        reach_limit.require_goal(_WHAT, goal, PathWaypoint(polyline[-1]), now)
+        distance_limit.require_goal(_WHAT, goal, PathWaypoint(polyline[-1]), now)
 
     def goal_motion(now_s: float) -> Motion:
         return resolver.moving_to_local(goal, now_s, start.yaw_rad)

@@ -46,14 +46,14 @@ from ual_daemon.tracker.pure_pursuit import Pursuit
 from ual_daemon.tracker.references import TrajectoryReference, measured_motion
 from ual_daemon.trajectory import PathWaypoint, Trajectory
 from ual_daemon.vehicle.admission import admit
-from ual_daemon.vehicle.courses import PathBounds, PathCourse, Resolve, StraightCourse, WayHomeCourse
+from ual_daemon.vehicle.courses import PathBounds, PathCourse, Resolve, ReturnCourse, StraightCourse
+from ual_daemon.vehicle.distance_limit import DistanceLimit
 from ual_daemon.vehicle.landings import Landings
 from ual_daemon.vehicle.moving_goals import moving_goal
 from ual_daemon.vehicle.preconditions import Preconditions
 from ual_daemon.vehicle.prepared import Prepared
-from ual_daemon.vehicle.reach_limit import ReachLimit
 from ual_daemon.vehicle.refusal_log import accepted
-from ual_daemon.vehicle.way_home import WayHome, plan_way_home
+from ual_daemon.vehicle.return_plan import ReturnPlan, plan_way_home
 
 MOST_WAYPOINTS = 10_000
 """Most waypoints of a path: they take 0.7 s of processor time with a corner at each, 1.4 s inside a fence; a mission
@@ -78,7 +78,7 @@ class Planner:
         preconditions: Preconditions,
         tasks: Tasks,
         settings: VehicleSettings,
-        reach_limit: ReachLimit,
+        distance_limit: DistanceLimit,
         landings: Landings,
     ) -> None:
         self._backend = backend
@@ -90,7 +90,7 @@ class Planner:
         self._settings = settings
         self._tolerance = settings.tolerance
         self._tracker_setting = settings.tracker
-        self._reach_limit = reach_limit
+        self._distance_limit = distance_limit
 
     def go_to_waypoint(self, request: GoToWaypointRequest, order: CommandOrigin) -> Prepared[VehicleTask]:
         """Plans a straight line to a pose in any frame."""
@@ -136,7 +136,7 @@ class Planner:
 
         def at_speed(now: Snapshot) -> PathWaypoint:
             local = replace(resolve(now), max_speed_m_s=max_speed_m_s)
-            self._reach_limit.require_goal(name, goal, local, now)
+            self._distance_limit.require_goal(name, goal, local, now)
             return local
 
         course = StraightCourse(
@@ -179,7 +179,7 @@ class Planner:
             interest = None if point is None else self._resolver.point(point, "point_of_interest")
             snapshot = self._preconditions.require_state("follow_path", order.lease_id, State.FLYING_AUTO)
             waypoints = self._local_waypoints(goals, speeds_m_s, holds_s, snapshot)
-            self._reach_limit.require_goals("follow_path", goals, waypoints, snapshot)
+            self._distance_limit.require_goals("follow_path", goals, waypoints, snapshot)
             look_at = None if interest is None else self._resolver.to_local(interest, snapshot).position
             bounds = partial(self._path_bounds, max_speed_m_s, has_leg_speeds=any(leg_speeds_m_s))
             above_home, home_m = [_is_above_home(goal) for goal in goals], snapshot.earth.home_altitude_amsl_m
@@ -269,8 +269,8 @@ class Planner:
                 raise refusal
             way = plan_way_home(self._flight, self._settings, height_m, self._bounds(None), snapshot)
 
-        def home_by(task: VehicleTask, way: WayHome, planned_s: float) -> Manoeuvre:
-            course = WayHomeCourse(self._flight, self._settings, height_m, partial(self._bounds, None), way)
+        def home_by(task: VehicleTask, way: ReturnPlan, planned_s: float) -> Manoeuvre:
+            course = ReturnCourse(self._flight, self._settings, height_m, partial(self._bounds, None), way)
             tolerance, tracker = self._tolerance, self._tracker()
             land = self._landings.after
             return ReturnManoeuvre(task, way.trajectory, course, land, tolerance, tracker, planned_s)
@@ -368,10 +368,12 @@ class Planner:
         name, what, bounds = "go_to_waypoint", f"go to {_text(goal)}", partial(self._bounds, max_speed_m_s)
         if self._flight.is_on_mission:
             raise on_mission(name)
-        reference = moving_goal(self._flight, self._resolver, self._reach_limit, goal, bounds, snapshot, max_speed_m_s)
+        reference = moving_goal(
+            self._flight, self._resolver, self._distance_limit, goal, bounds, snapshot, max_speed_m_s
+        )
         admit(self._flight, name, reference, snapshot)
         motion = reference.goal(snapshot.time_s)
-        self._reach_limit.require_goal(name, goal, PathWaypoint(motion.position), snapshot)
+        self._distance_limit.require_goal(name, goal, PathWaypoint(motion.position), snapshot)
 
         def begin() -> VehicleTask:
             with self._preconditions.logging_refusal(name):
@@ -390,7 +392,9 @@ class Planner:
         if isinstance(goal, GeoWaypoint) or not self._resolver.is_moving(goal):
             return None
         bounds = partial(self._bounds, max_speed_m_s)
-        reference = moving_goal(self._flight, self._resolver, self._reach_limit, goal, bounds, snapshot, max_speed_m_s)
+        reference = moving_goal(
+            self._flight, self._resolver, self._distance_limit, goal, bounds, snapshot, max_speed_m_s
+        )
         return FollowMovingGoal("go_to_waypoint", task, reference, bounds, self._tolerance)
 
     def _tracker(self) -> MakeTracker:

@@ -37,7 +37,7 @@ class Drop(NamedTuple):
         return f"{self.why}: {self.detail}"
 
 
-class _SeenPose(NamedTuple):
+class _ReceivedPose(NamedTuple):
     pose: Pose
     time_s: float
 
@@ -50,8 +50,8 @@ class PoseGate:
         self._advice = advice
         self.resets_count = 0
         """Changes with a pose that is taken although it is a jump."""
-        self._last: _SeenPose | None = None
-        self._elsewhere: _SeenPose | None = None
+        self._last: _ReceivedPose | None = None
+        self._elsewhere: _ReceivedPose | None = None
         self._elsewhere_since_s = 0.0
 
     def untimely(self, time_s: float, now_s: float) -> Drop | None:
@@ -75,13 +75,13 @@ class PoseGate:
 
         `fastest_m_s` is the highest speed at which the UAV may move.
         """
-        seen, last = _SeenPose(pose, time_s), self._last
+        seen, last = _ReceivedPose(pose, time_s), self._last
         if last is None or self._goes_on(last, seen, std_dev_m, max(fastest_m_s, LEAST_SPEED_M_S)):
             self._last, self._elsewhere = seen, None
             return None
         return Drop("it jumps as no vehicle flies", _apart(last, seen))
 
-    def _goes_on(self, last: _SeenPose, seen: _SeenPose, std_dev_m: float, fastest_m_s: float) -> bool:
+    def _goes_on(self, last: _ReceivedPose, seen: _ReceivedPose, std_dev_m: float, fastest_m_s: float) -> bool:
         """Returns whether a pose follows the last good one, or those that have gone on elsewhere for long."""
         elsewhere = self._elsewhere
         if elsewhere is None or not _is_nearer(elsewhere, last, seen):
@@ -97,7 +97,7 @@ class PoseGate:
         return is_settled
 
 
-def _is_nearer(elsewhere: _SeenPose, last: _SeenPose, seen: _SeenPose) -> bool:
+def _is_nearer(elsewhere: _ReceivedPose, last: _ReceivedPose, seen: _ReceivedPose) -> bool:
     """Returns whether a pose goes on where dropped ones were, and does not come back to where the last good one was.
 
     The time since the last good one does not count for it: while poses are dropped it grows, until any jump would be
@@ -111,7 +111,7 @@ def _measure(begin: Pose, end: Pose) -> float:
     return (end.position - begin.position).norm() / MARGIN_M + _angle_rad(begin, end) / _MARGIN_RAD
 
 
-def _is_flown(begin: _SeenPose, end: _SeenPose, std_dev_m: float, fastest_m_s: float) -> bool:
+def _is_flown(begin: _ReceivedPose, end: _ReceivedPose, std_dev_m: float, fastest_m_s: float) -> bool:
     """Returns whether a vehicle can have moved from one to the other."""
     passed_s = end.time_s - begin.time_s
     way_m = MARGIN_M + _SIGMAS * std_dev_m + fastest_m_s * passed_s
@@ -120,7 +120,7 @@ def _is_flown(begin: _SeenPose, end: _SeenPose, std_dev_m: float, fastest_m_s: f
     return _angle_rad(begin.pose, end.pose) <= _MARGIN_RAD + _FASTEST_RAD_S * passed_s
 
 
-def _apart(begin: _SeenPose, end: _SeenPose) -> str:
+def _apart(begin: _ReceivedPose, end: _ReceivedPose) -> str:
     distance_m = (end.pose.position - begin.pose.position).norm()
     return f"{distance_m:.2f} m and {_angle_rad(begin.pose, end.pose):.2f} rad in {end.time_s - begin.time_s:.3f} s"
 

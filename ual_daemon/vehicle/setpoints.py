@@ -20,9 +20,9 @@ from ual_daemon.tracker import limits
 from ual_daemon.tracker.references import VELOCITY_TIMEOUT_S, Hold, Reference, Velocity
 from ual_daemon.trajectory import PathWaypoint
 from ual_daemon.vehicle.admission import admit
+from ual_daemon.vehicle.distance_limit import DistanceLimit
 from ual_daemon.vehicle.moving_goals import moving_goal
 from ual_daemon.vehicle.preconditions import Preconditions
-from ual_daemon.vehicle.reach_limit import ReachLimit
 
 T = TypeVar("T")
 
@@ -37,10 +37,10 @@ class VehicleSetpoints:
     """
 
     def __init__(
-        self, flight: Flight, resolver: FrameResolver, preconditions: Preconditions, reach_limit: ReachLimit
+        self, flight: Flight, resolver: FrameResolver, preconditions: Preconditions, distance_limit: DistanceLimit
     ) -> None:
         self._flight = flight
-        self._reach_limit = reach_limit
+        self._distance_limit = distance_limit
         self._resolver = resolver
         self._preconditions = preconditions
         self._odom = ("", resolver.tree.odom)
@@ -91,13 +91,13 @@ class VehicleSetpoints:
         snapshot = self._preconditions.require_state("set_pose", lease_id, State.FLYING_AUTO)
         if self._resolver.is_moving(goal):  # within the limits, wherever it moves
             reference = moving_goal(
-                self._flight, self._resolver, self._reach_limit, goal, self._flight.limits.get, snapshot
+                self._flight, self._resolver, self._distance_limit, goal, self._flight.limits.get, snapshot
             )
             there = PathWaypoint(reference.goal(snapshot.time_s).position)
-            self._reach_limit.require_goal("set_pose", goal, there, snapshot)
+            self._distance_limit.require_goal("set_pose", goal, there, snapshot)
             return reference, snapshot
         local = self._resolver.to_local(goal, snapshot)
-        self._reach_limit.require_goal("set_pose", goal, local, snapshot)
+        self._distance_limit.require_goal("set_pose", goal, local, snapshot)
         yaw_rad = self._flight.start(snapshot).yaw_rad if local.yaw_rad is None else local.yaw_rad
         return Hold(local.position, yaw_rad), snapshot
 

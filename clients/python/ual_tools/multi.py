@@ -14,7 +14,7 @@ from ual.discovery import natural_order
 from ual.errors import DaemonUnreachableError, UalError
 from ual_tools.session import INTERRUPTED, REFUSED, CommandSession
 from ual_tools.start import CommandMember, Gate
-from ual_tools.streams import LineKind, OutputLostError, give_up_output, write
+from ual_tools.streams import OutputKind, OutputLostError, give_up_output, write
 
 if TYPE_CHECKING:
     from ual_tools.condition import UavCondition
@@ -101,7 +101,7 @@ def _print_worst_first(runs: Sequence[_UavRun], session: CommandSession) -> None
     for run in condition.worst_first(runs, lambda each: each.condition, lambda each: each.name):
         run.print_lines()
     if sys.stdout.isatty() and not session.as_json:
-        write(f"{len(runs)} UAVs: {condition.summary(run.condition for run in runs)}", LineKind.RESULT)
+        write(f"{len(runs)} UAVs: {condition.summary(run.condition for run in runs)}", OutputKind.RESULT)
 
 
 def _stop(runs: Sequence[_UavRun]) -> None:

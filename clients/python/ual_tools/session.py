@@ -17,7 +17,7 @@ from ual.types import TaskInfo
 from ual_tools import start
 from ual_tools.help import as_typed
 from ual_tools.output import error_text, remedy_text, to_json
-from ual_tools.streams import LineKind, write
+from ual_tools.streams import OutputKind, write
 
 if TYPE_CHECKING:
     from ual import Uav
@@ -146,32 +146,32 @@ class CommandSession:
 
     def emit(self, value: object, text: str | None = None) -> None:
         """Prints a result: one JSON object with ``--json``, else the text."""
-        self._emit(value, text, LineKind.DONE if _is_done(value) else LineKind.RESULT)
+        self._emit(value, text, OutputKind.DONE if _is_done(value) else OutputKind.RESULT)
 
     def emit_written(self, value: object, text: str) -> None:
         """Prints what was written into files. They stay written where the output is lost."""
-        self._emit(value, text, LineKind.DONE)
+        self._emit(value, text, OutputKind.DONE)
 
-    def _emit(self, value: object, text: str | None, kind: LineKind) -> None:
+    def _emit(self, value: object, text: str | None, kind: OutputKind) -> None:
         line = json.dumps(self._named(to_json(value)), allow_nan=False) if self.as_json else text
         if line is not None:
             self._say(line if self.as_json else self._prefix + line, kind)
 
     def fail(self, error: UalError) -> None:
         """Prints in one line why the command was refused or failed, and where its remedy is described."""
-        self._say(f"{self._prefix or 'ual: '}{as_typed(error_text(error))} ({remedy_text(error)})", LineKind.MESSAGE)
+        self._say(f"{self._prefix or 'ual: '}{as_typed(error_text(error))} ({remedy_text(error)})", OutputKind.MESSAGE)
         if self.as_json:
-            self._say(json.dumps(self._named({"error": to_json(error)}), allow_nan=False), LineKind.DONE)
+            self._say(json.dumps(self._named({"error": to_json(error)}), allow_nan=False), OutputKind.DONE)
 
     def note(self, text: str) -> None:
         """Prints a message that is not a result, on stderr."""
-        self._say(self._prefix + text, LineKind.MESSAGE)
+        self._say(self._prefix + text, OutputKind.MESSAGE)
 
     def tell(self, text: str) -> None:
         """Prints what the program itself does, on stderr."""
         self.note(f"{'' if self.member else 'ual: '}{text}")
 
-    def _say(self, text: str, kind: LineKind) -> None:
+    def _say(self, text: str, kind: OutputKind) -> None:
         if self.member is None:
             write(text, kind)
         else:
@@ -188,7 +188,7 @@ class CommandSession:
 def fail_usage(error: click.UsageError) -> None:
     """Prints wrong usage as one JSON object. click prints the text, and ends the program with 2."""
     failure = InvalidArgumentError(as_typed(error.format_message()))
-    write(json.dumps({"error": to_json(failure)}, allow_nan=False), LineKind.DONE)
+    write(json.dumps({"error": to_json(failure)}, allow_nan=False), OutputKind.DONE)
 
 
 def _is_done(value: object) -> bool:

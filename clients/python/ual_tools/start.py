@@ -16,7 +16,7 @@ from typing_extensions import override
 
 from ual.errors import DaemonUnreachableError
 from ual.shared.numbers import parse_number
-from ual_tools.streams import LineKind
+from ual_tools.streams import OutputKind
 
 if TYPE_CHECKING:
     from ual import Uav
@@ -165,7 +165,7 @@ class CommandMember:
         self.is_flying = False
         """Whether Ctrl-C has to stop what the command has begun."""
         self.interrupted = threading.Event()
-        self.lines: SimpleQueue[tuple[str, LineKind]] = SimpleQueue()
+        self.lines: SimpleQueue[tuple[str, OutputKind]] = SimpleQueue()
         """Printed lines of its command, each with its kind."""
         self.condition: UavCondition | None = None
         """Condition of the UAV, where its command asked for it."""

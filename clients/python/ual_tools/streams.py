@@ -27,7 +27,7 @@ class OutputLostError(OSError):
         return str(self.strerror)
 
 
-class LineKind(Enum):
+class OutputKind(Enum):
     """Kind of a line, and so the meaning of its loss."""
 
     MESSAGE = "for people, on standard error"
@@ -35,17 +35,17 @@ class LineKind(Enum):
     RESULT = "what was asked for"
 
 
-def write(text: str, kind: LineKind) -> None:
+def write(text: str, kind: OutputKind) -> None:
     """Prints a line.
 
     Raises:
-        OutputLostError: A `LineKind.RESULT` cannot be printed.
+        OutputLostError: A `OutputKind.RESULT` cannot be printed.
 
     """
     try:
-        click.echo(text, err=kind is LineKind.MESSAGE)
+        click.echo(text, err=kind is OutputKind.MESSAGE)
     except OutputLostError as error:
-        if kind is LineKind.RESULT:
+        if kind is OutputKind.RESULT:
             raise
         give_up_output()
         click.echo(f"ual: done, but the result cannot be printed: {error}", err=True)

@@ -13,7 +13,7 @@ import click
 from ual.discovery import Registration
 from ual.errors import UalError
 from ual.types import Telemetry
-from ual_tools import condition, places
+from ual_tools import condition, positions
 from ual_tools.app import Multi, command
 from ual_tools.help import Section
 from ual_tools.output import error_text, pose_text, vector_text
@@ -169,5 +169,5 @@ def _pose(telemetry: Telemetry) -> str:
 
 
 def _place(telemetry: Telemetry) -> str:
-    place = places.position(telemetry)
+    place = positions.position(telemetry)
     return "" if place is None else f"{vector_text(place)} in map"

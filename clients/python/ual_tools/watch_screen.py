@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Protocol
 
 from ual.types import GpsInfo, State, Telemetry
-from ual_tools import condition, places, watch_table
+from ual_tools import condition, positions, watch_table
 from ual_tools.condition import STYLES
 from ual_tools.keys import Key
 from ual_tools.output import pose_text, running_text, vector_text
@@ -85,7 +85,7 @@ class Detail:
         return as_text(detail(board.seen(), width=width, now_s=time.monotonic(), lost_after_s=board.lost_after_s))
 
 
-def as_text(lines: Sequence[watch_table.TableLine]) -> RenderableType:
+def as_text(lines: Sequence[watch_table.TableRow]) -> RenderableType:
     """Converts lines to what rich draws."""
     from rich.console import Group
     from rich.text import Text
@@ -95,17 +95,17 @@ def as_text(lines: Sequence[watch_table.TableLine]) -> RenderableType:
 
 def detail(
     found: Mapping[str, WatchedUav], *, width: int, now_s: float, lost_after_s: float
-) -> list[watch_table.TableLine]:
+) -> list[watch_table.TableRow]:
     """Returns the lines of one UAV, none wider than the screen: a long text goes on in the next line."""
     from textwrap import wrap
 
-    lines = [watch_table.TableLine("ual watch (q quits)"[:width], "bold")]
+    lines = [watch_table.TableRow("ual watch (q quits)"[:width], "bold")]
     for ns, seen in found.items():
-        lines.append(watch_table.TableLine(ns[:width], "bold underline"))
+        lines.append(watch_table.TableRow(ns[:width], "bold underline"))
         for name, text, style in _aged_rows(seen, now_s - seen.since_s, lost_after_s):
             first, *others = wrap(text, max(8, width - 15)) or [""]
-            lines.append(watch_table.TableLine(f"{name:<13}  {first}"[:width], style))
-            lines += [watch_table.TableLine(f"{'':<13}  {each}"[:width], style) for each in others]
+            lines.append(watch_table.TableRow(f"{name:<13}  {first}"[:width], style))
+            lines += [watch_table.TableRow(f"{'':<13}  {each}"[:width], style) for each in others]
     return lines
 
 
@@ -136,7 +136,7 @@ def rows(t: Telemetry) -> list[tuple[str, str, str]]:
         ("because", t.state_reason, "dim"),
         ("mode", f"{t.flight_mode}{', armed' if t.armed else ''}", ""),
         ("pose", "" if t.pose is None else pose_text(t.pose), ""),
-        ("in map", "" if (place := places.position(t)) is None else vector_text(place), ""),
+        ("in map", "" if (place := positions.position(t)) is None else vector_text(place), ""),
         ("velocity", "" if t.velocity is None else f"{vector_text(t.velocity.linear)} m/s", ""),
         ("reference", "" if t.reference_pose is None else pose_text(t.reference_pose), ""),
         ("task", "" if task is None else running_text(task), ""),

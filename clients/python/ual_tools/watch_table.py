@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from ual.types import State, Telemetry
-from ual_tools import condition, places
+from ual_tools import condition, positions
 from ual_tools.condition import STYLES, UavCondition, Urgency
 from ual_tools.keys import Key
 from ual_tools.output import running_text
@@ -30,7 +30,7 @@ _LEAST_OF_NOTE, _AMPLE_OF_NOTE = 12, 40
 
 
 @dataclass(frozen=True, slots=True)
-class TableLine:
+class TableRow:
     """One line of the screen: its text, not longer than the screen is wide, and its style (of rich)."""
 
     text: str
@@ -45,7 +45,7 @@ class _Column:
 
 
 def _place(t: Telemetry) -> str:
-    place = places.position(t)
+    place = positions.position(t)
     return "" if place is None else " ".join(f"{c:6.1f}" for c in place)
 
 
@@ -83,7 +83,7 @@ def page_size(height: int) -> int:
 
 def table(
     seen: Mapping[str, WatchedUav], *, width: int, height: int, top: int, now_s: float, lost_after_s: float
-) -> list[TableLine]:
+) -> list[TableRow]:
     """Returns the lines of the screen: `height` at most, and each `width` characters at most."""
     conditions = {ns: condition.of_seen(each, now_s, lost_after_s) for ns, each in seen.items()}
     names = condition.worst_first(seen, conditions.__getitem__, str)
@@ -91,15 +91,15 @@ def table(
     columns = _fitting(width - name_width)
     note_width = _note_width(width - name_width, columns)
     shown = names[top : top + page_size(height)]
-    lines = [TableLine(_clip(_title(len(names), top, len(shown), width), width), "bold")]
+    lines = [TableRow(_clip(_title(len(names), top, len(shown), width), width), "bold")]
     if height >= _SHORT_LINES:
         counts = condition.summary(conditions.values())
-        lines.append(TableLine(_clip(counts, width), STYLES[condition.worst(conditions.values())]))
-    lines.append(TableLine(_head(columns, name_width, note_width)[:width], "bold underline"))
+        lines.append(TableRow(_clip(counts, width), STYLES[condition.worst(conditions.values())]))
+    lines.append(TableRow(_head(columns, name_width, note_width)[:width], "bold underline"))
     for ns in shown:
         name = _clip(ns, name_width).ljust(name_width)
         rest = _rest(seen[ns], conditions[ns], columns, note_width, width - name_width - len(_GAP))
-        lines.append(TableLine(f"{name}{_GAP}{rest}".rstrip()[:width], _style(seen[ns], conditions[ns])))
+        lines.append(TableRow(f"{name}{_GAP}{rest}".rstrip()[:width], _style(seen[ns], conditions[ns])))
     return lines[:height]
 
 

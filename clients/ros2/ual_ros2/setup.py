@@ -17,7 +17,7 @@ def shared(folder: str) -> tuple[str, list[str]]:
 setup(
     name=NAME,
     version="0.3.0",
-    packages=[NAME, f"{NAME}.beside", f"{NAME}.derived"],
+    packages=[NAME, f"{NAME}.services", f"{NAME}.derived"],
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
         (f"share/{NAME}", ["package.xml"]),

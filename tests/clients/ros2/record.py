@@ -103,8 +103,8 @@ def _served() -> Iterator[str]:
     of_ual = {"ual_msgs": MagicMock(srv=srv, action=action), "ual_msgs.srv": srv, "ual_msgs.action": action}
     with without_ros({**of_ual, "std_srvs.srv": _Types("std_srvs.srv")}):
         flights = importlib.import_module("ual_ros2.flights")
-        filling = importlib.import_module("ual_ros2.beside.filling").Filling()
-        table = importlib.import_module("ual_ros2.beside.services").ServiceTable(filling, MagicMock(), None)
+        filling = importlib.import_module("ual_ros2.services.filling").Filling()
+        table = importlib.import_module("ual_ros2.services.service_table").ServiceTable(filling, MagicMock(), None)
         for each in (*flights.SERVICES, *table.services(), *table.simulation()):
             yield f"service {each.name}: {each.kind} of {each.facts.name}"
         for each in (*flights.ACTIONS, *table.actions()):

@@ -56,9 +56,9 @@ from ual.simulation import (
     PositionLost,
 )
 from ual.types import Capability, Circle, Geofence, LeaseInfo, Limits, Plan
-from ual_ros2.beside import cameras, gimbals
-from ual_ros2.beside.fields import Stamp
 from ual_ros2.derived import values as of_node
+from ual_ros2.services import cameras, gimbals
+from ual_ros2.services.fields import Stamp
 
 ROOT = Path(__file__).parents[3] / "clients" / "ros2"
 POSE = ual.PoseStamped(ual.Pose(ual.Vector3(1.0, 2.0, 3.0), ual.Quaternion(0.0, 0.0, 0.0, 1.0)), "uav_1/odom")

@@ -18,7 +18,7 @@ from ual.gripper import (
     WinchInfo,
     WinchStatus,
 )
-from ual_ros2.beside import equipment
+from ual_ros2.services import equipment
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 from tests.conftest import LIMIT_S, daemon_environment
-from tests.ual_daemon.server.access.ways_in import beyond_loopback
+from tests.ual_daemon.server.access.entrances import beyond_loopback
 from tests.waiting import until
 
 PAGE = Path(__file__).parents[3] / "docs" / "how-to" / "access.md"

@@ -26,9 +26,9 @@ from ual.errors import UalError
 from ual.types import Limits, State
 from ual_daemon.backends import registry
 from ual_daemon.backends.base import Backend, BackendOptions
-from ual_daemon.backends.offers.cameras import OfferedCameras
+from ual_daemon.backends.offers.cameras import CameraDrivers
 from ual_daemon.backends.offers.fence import AutopilotFenceStore
-from ual_daemon.backends.offers.gimbals import OfferedGimbals
+from ual_daemon.backends.offers.gimbals import GimbalDrivers
 from ual_daemon.backends.offers.logs import AutopilotLogs
 from ual_daemon.backends.offers.missions import AutopilotMissions
 from ual_daemon.backends.offers.parameters import AutopilotParameters
@@ -145,8 +145,8 @@ def offered(backend: Backend) -> Iterator[Callable[[], Future[Any]]]:
     logs = backend.offer(AutopilotLogs)  # type: ignore[type-abstract]
     missions = backend.offer(AutopilotMissions)  # type: ignore[type-abstract]
     fence = backend.offer(AutopilotFenceStore)  # type: ignore[type-abstract]
-    cameras = backend.offer(OfferedCameras)  # type: ignore[type-abstract]
-    gimbals = backend.offer(OfferedGimbals)  # type: ignore[type-abstract]
+    cameras = backend.offer(CameraDrivers)  # type: ignore[type-abstract]
+    gimbals = backend.offer(GimbalDrivers)  # type: ignore[type-abstract]
     if parameters is not None:
         yield parameters.read_all
     if logs is not None:

@@ -28,8 +28,8 @@ from ual_daemon.backends.values import Cause, Control, Mode, PositionSetpoint, S
 from ual_daemon.flight import flight as flight_module
 from ual_daemon.flight import setpoint_sender, stepper
 from ual_daemon.flight.autopilot_command import AutopilotCommand
+from ual_daemon.flight.current_manoeuvre import CurrentManoeuvre
 from ual_daemon.flight.flight import CommandOrigin, Flight
-from ual_daemon.flight.flown import CurrentManoeuvre
 from ual_daemon.flight.manoeuvres import fly_reference
 from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Manoeuvre, Step
 from ual_daemon.flight.policy.geofence import GeofencePolicy
@@ -70,7 +70,7 @@ class Wire:
         return Future()
 
 
-class SeenFlown(CurrentManoeuvre):
+class ObservedFlight(CurrentManoeuvre):
     """Keeps all that was flown, in its order."""
 
     def __init__(self) -> None:
@@ -117,7 +117,7 @@ class World:
         backend = cast("Backend", self.wire)
         self.flight = Flight(backend, CurrentLimits(backend, LimitSettings()), vehicle._flight.geofence)
         self.interleaving = Interleaving(inspect.getfile(each) for each in INTERLEAVED)
-        self.flown = SeenFlown()
+        self.flown = ObservedFlight()
         self.flown.lock = cast("Any", self.interleaving.lock)
         self.flight._flown = self.flight._stepper._flown = self.flight.sender._flown = self.flown
         self.flight.authority.begin()

@@ -28,7 +28,7 @@ from ual.errors import (
 )
 from ual.geometry import Pose, PoseStamped, Quaternion, Vector3
 from ual.types import State
-from ual_daemon.backends.offers.cameras import EncodedImage, OfferedCamera, OfferedCameras, TakenPhoto, Viewpoint
+from ual_daemon.backends.offers.cameras import CameraDriver, CameraDrivers, EncodedImage, TakenPhoto, Viewpoint
 from ual_daemon.services._derived import Cameras
 from ual_daemon.services.cameras import VehicleCameras
 
@@ -43,7 +43,7 @@ def ended(result: T) -> Future[T]:
     return future
 
 
-class MadeUp(OfferedCamera):
+class MadeUp(CameraDriver):
     """Notes what it is ordered, and does it at once."""
 
     def __init__(self, number: int = 0, abilities: frozenset[CameraAbility] = ALL) -> None:
@@ -108,7 +108,7 @@ class MadeUp(OfferedCamera):
         self.making[index].set_result(EncodedImage(b"x", ImageFormat.PNG, 1, 1, 5.0, None, Viewpoint()))
 
 
-class Offer(OfferedCameras):
+class Offer(CameraDrivers):
     """The cameras of a test."""
 
     def __init__(self, *cameras: MadeUp) -> None:

@@ -35,7 +35,7 @@ from ual_daemon import UAL
 from ual_daemon.backends import futures
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.light import LightBackend
-from ual_daemon.backends.offers.gimbals import GimbalAttitude, OfferedGimbal, OfferedGimbals
+from ual_daemon.backends.offers.gimbals import GimbalAttitude, GimbalDriver, GimbalDrivers
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.vehicle.gimbals import aimed, angles_of
 
@@ -51,7 +51,7 @@ def near(angle_rad: float) -> Any:
     return pytest.approx(angle_rad, abs=1e-6)
 
 
-class MadeUp(OfferedGimbal):
+class MadeUp(GimbalDriver):
     """Notes what it is ordered, and looks there at once."""
 
     def __init__(self, number: int = 0, abilities: frozenset[GimbalAbility] = ALL) -> None:
@@ -109,26 +109,26 @@ class MadeUp(OfferedGimbal):
         return self._order("release")
 
 
-class Offer(OfferedGimbals):
+class Offer(GimbalDrivers):
     """The gimbals of a test."""
 
-    def __init__(self, *found: OfferedGimbal) -> None:
+    def __init__(self, *found: GimbalDriver) -> None:
         self.found = list(found)
 
-    def all(self) -> Sequence[OfferedGimbal]:
+    def all(self) -> Sequence[GimbalDriver]:
         return self.found
 
 
 class Carrier(LightBackend):
     """A light UAV, whose time stands still, with other gimbals."""
 
-    def __init__(self, offer: OfferedGimbals | None) -> None:
+    def __init__(self, offer: GimbalDrivers | None) -> None:
         self.offered = offer
         self.boots_count = 0
         super().__init__(BackendOptions("uav_1", settings={"speed_factor": 0.0, "start": [1.0, 2.0, 0.0]}))
 
     def offer(self, kind: type[T]) -> T | None:
-        if kind is OfferedGimbals:
+        if kind is GimbalDrivers:
             return self.offered if isinstance(self.offered, kind) else None
         return super().offer(kind)
 

@@ -23,7 +23,7 @@ from ual.gripper import Equipment, GripperInfo, GripperState, RelayInfo, ServoIn
 from ual.types import State
 from ual_daemon.backends import futures
 from ual_daemon.backends.chain import done
-from ual_daemon.backends.offers.gripper import OfferedGripper, ServoOrder, WinchOrder
+from ual_daemon.backends.offers.gripper import GripperDriver, ServoOrder, WinchOrder
 from ual_daemon.services._derived import Gripper
 from ual_daemon.services.gripper import VehicleGripper
 from ual_daemon.settings import GripperSettings, PayloadSettings, RelaySettings, ServoSettings, WinchSettings
@@ -44,7 +44,7 @@ PAYLOAD = PayloadSettings(
 )
 
 
-class MadeUp(OfferedGripper):
+class MadeUp(GripperDriver):
     """An autopilot that obeys, and says what a test has set."""
 
     def __init__(self) -> None:

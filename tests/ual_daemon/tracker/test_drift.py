@@ -13,7 +13,7 @@ from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Limits
 from ual_daemon.backends.values import MotionState, Sample, Snapshot, VelocityResponse, VelocityResponses
 from ual_daemon.tracker.drift import DriftCorrection
-from ual_daemon.tracker.place import MOST_CHANGE_M_S2, MOST_CORRECTION_M_S, MOST_LAG_M
+from ual_daemon.tracker.velocity_end_point import MOST_CHANGE_M_S2, MOST_CORRECTION_M_S, MOST_LAG_M
 from ual_daemon.tracker.velocity_error import VelocityError
 from ual_daemon.trajectory.envelope import speed_share
 

@@ -10,7 +10,7 @@ from ual.types import Limits
 from ual_daemon.backends.values import MotionState, PositionSetpoint, Sample, Snapshot, VelocitySetpoint
 from ual_daemon.tracker.drift import DriftCorrection
 from ual_daemon.tracker.references import Hold, TrajectoryReference, Velocity, brake, measured_motion
-from ual_daemon.trajectory import Motion, StraightLine
+from ual_daemon.trajectory import Motion, StraightTrajectory
 
 LIMITS = Limits()
 STEP_S = 0.02
@@ -64,8 +64,8 @@ def test_the_measured_motion_is_that_of_the_snapshot() -> None:
     assert measured_motion(at(Vector3(1, 2, 3))).velocity == Vector3()
 
 
-def line() -> StraightLine:
-    return StraightLine(Motion(Vector3(), 0.0), Vector3(10, 0, 0), 1.0, LIMITS)
+def line() -> StraightTrajectory:
+    return StraightTrajectory(Motion(Vector3(), 0.0), Vector3(10, 0, 0), 1.0, LIMITS)
 
 
 def test_a_uav_that_keeps_up_gets_the_trajectory_in_real_time() -> None:

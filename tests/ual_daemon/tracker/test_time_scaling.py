@@ -18,7 +18,7 @@ from ual.types import Limits, PathHeading
 from ual_daemon.backends.values import MotionState, Sample, Setpoint, Snapshot
 from ual_daemon.tracker.references import TrajectoryReference
 from ual_daemon.tracker.time_scaling import TimeScaling, scaled
-from ual_daemon.trajectory import Brake, Motion, PathWaypoint, StraightLine, Trajectory, path
+from ual_daemon.trajectory import Brake, Motion, PathWaypoint, StraightTrajectory, Trajectory, path
 
 LIMITS = Limits()
 SLACK = 2e-3
@@ -47,7 +47,9 @@ def sent_motions(trajectory: Trajectory, lag: Random, duration_s: float) -> list
 @given(vectors(60.0), st.integers(0, 10_000), LIMIT_SETS)
 def test_a_line_that_waits_keeps_its_limits(goal: Vector3, seed: int, limits: Limits) -> None:
     assert_kept(
-        sent_motions(StraightLine(Motion(Vector3(), 0.0), goal, 2.0, limits), Random(seed), 20.0), limits, slack=SLACK
+        sent_motions(StraightTrajectory(Motion(Vector3(), 0.0), goal, 2.0, limits), Random(seed), 20.0),
+        limits,
+        slack=SLACK,
     )
 
 
@@ -92,7 +94,7 @@ FAST = Limits(horizontal_speed_m_s=10.0, horizontal_acceleration_m_s2=1.5)
 def test_it_stops_as_soon_as_straight_ahead_also_where_it_still_accelerates(
     share: float, yaw_rad: float, length_m: float
 ) -> None:
-    line = StraightLine(Motion(Vector3(), 0.0), Vector3(length_m, 0.0, 0.0), yaw_rad, FAST)
+    line = StraightTrajectory(Motion(Vector3(), 0.0), Vector3(length_m, 0.0, 0.0), yaw_rad, FAST)
     scaling, sent = TimeScaling(line), [line.at(0.0)]
     while scaling.time_s < share * line.duration_s:
         scaling.advance(STEP_S, math.inf, 1.0)
@@ -107,7 +109,7 @@ def test_it_stops_as_soon_as_straight_ahead_also_where_it_still_accelerates(
 
 
 def test_velocity_and_acceleration_are_the_derivatives_of_the_position_while_the_scale_changes() -> None:
-    line = StraightLine(Motion(Vector3(), 0.0), Vector3(30.0, 0.0, 0.0), 1.0, LIMITS)
+    line = StraightTrajectory(Motion(Vector3(), 0.0), Vector3(30.0, 0.0, 0.0), 1.0, LIMITS)
     scaling, step_s = TimeScaling(line), 1e-3
     motions = []
     for index in range(6000):

@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 
 from tests.ual_daemon.stepped import STEP_S, Stepped, at, stepped
-from tests.ual_daemon.trajectory.test_lines import time_optimal_s
+from tests.ual_daemon.trajectory.test_straight import time_optimal_s
 from tests.ual_daemon.trajectory.trajectories import assert_kept, distance_from_line, distance_from_path
 from ual.errors import UalTimeoutError
 from ual.geometry import PoseStamped, Vector3

@@ -20,7 +20,7 @@ from tests.ual_daemon.trajectory.trajectories import (
 from ual.errors import InvalidArgumentError
 from ual.geometry import Vector3, wrap_angle
 from ual.types import Limits, PathHeading
-from ual_daemon.trajectory import Motion, PathWaypoint, StraightLine, Trajectory, path
+from ual_daemon.trajectory import Motion, PathWaypoint, StraightTrajectory, Trajectory, path
 
 LIMITS = Limits()
 SQUARE = waypoints((10, 0, 0), (10, 10, 0), (0, 10, 0), (0, 0, 0))
@@ -63,7 +63,7 @@ def test_every_heading_keeps_the_limits_from_any_start(
     over: int | None,
     limits: Limits,
 ) -> None:
-    line = StraightLine(Motion(start, yaw), start + way, 1.0, limits)
+    line = StraightTrajectory(Motion(start, yaw), start + way, 1.0, limits)
     now = line.at(share * line.duration_s)
     if over is not None:  # right above the point
         point = goals[over % len(goals)].position

@@ -11,7 +11,7 @@ from tests.strategies import ANGLES, vectors
 from tests.ual_daemon.trajectory.trajectories import LIMIT_SETS, distance_from_path, moments
 from ual.geometry import Vector3
 from ual.types import Limits
-from ual_daemon.trajectory import Motion, PathWaypoint, StraightLine, path
+from ual_daemon.trajectory import Motion, PathWaypoint, StraightTrajectory, path
 from ual_daemon.trajectory.outline import MOST_POINTS, outline
 
 PATHS = st.lists(st.builds(PathWaypoint, vectors(30.0), st.none() | ANGLES), min_size=1, max_size=6)
@@ -30,20 +30,20 @@ def test_the_way_is_near_its_outline(
 
 @given(vectors(30.0), vectors(5.0), LIMIT_SETS)
 def test_a_start_in_motion_bends(goal: Vector3, velocity: Vector3, limits: Limits) -> None:
-    found = StraightLine(Motion(Vector3(), 0.0, velocity), goal, 0.0, limits)
+    found = StraightTrajectory(Motion(Vector3(), 0.0, velocity), goal, 0.0, limits)
     points = outline(found)
     assert all(distance_from_path(motion.position, [points[0], *points]) < 0.1 for _, motion in moments(found, 200))
 
 
 def test_a_line_has_two_points() -> None:
-    assert outline(StraightLine(Motion(Vector3(), 0.0), Vector3(5.0, 0.0, 1.0), 1.0, Limits())) == [
+    assert outline(StraightTrajectory(Motion(Vector3(), 0.0), Vector3(5.0, 0.0, 1.0), 1.0, Limits())) == [
         Vector3(),
         Vector3(5.0, 0.0, 1.0),
     ]
 
 
 def test_what_stays_is_a_place() -> None:
-    assert outline(StraightLine(Motion(Vector3(), 0.0), Vector3(), 1.0, Limits())) == [Vector3()]
+    assert outline(StraightTrajectory(Motion(Vector3(), 0.0), Vector3(), 1.0, Limits())) == [Vector3()]
 
 
 def test_a_path_of_many_corners_has_a_bounded_number_of_points() -> None:

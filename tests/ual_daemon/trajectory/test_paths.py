@@ -24,7 +24,7 @@ from tests.ual_daemon.trajectory.trajectories import (
 )
 from ual.geometry import Vector3
 from ual.types import Limits
-from ual_daemon.trajectory import Chain, Motion, PathWaypoint, Run, StraightLine, Trajectory, path, speed_limit
+from ual_daemon.trajectory import Chain, Motion, PathWaypoint, Run, StraightTrajectory, Trajectory, path, speed_limit
 
 LIMITS = Limits()
 
@@ -80,7 +80,7 @@ def test_the_way_left_only_shrinks_and_waypoints_come_in_order(
 def test_a_path_that_is_commanded_in_flight_begins_with_that_motion_and_keeps_the_limits(
     start: Vector3, way: Vector3, share: float, goals: list[PathWaypoint], radius_m: float, limits: Limits
 ) -> None:
-    line = StraightLine(Motion(start, 0.0), start + way, 1.0, limits)
+    line = StraightTrajectory(Motion(start, 0.0), start + way, 1.0, limits)
     now = line.at(share * line.duration_s)
     found = path(now, goals, radius_m, limits)
     first = found.at(0.0)
@@ -214,7 +214,7 @@ def test_each_leg_keeps_its_own_speed_limit() -> None:
 def test_points_of_a_recorded_track_are_no_corners() -> None:
     dense = [PathWaypoint(Vector3(0.05 * i, 0.01 * math.sin(i), 0.0)) for i in range(1, 401)]
     found = path(Motion(Vector3(), 0.0), dense, 1.0, LIMITS)
-    straight = StraightLine(Motion(Vector3(), 0.0), Vector3(20.0, 0.0, 0.0), 0.0, LIMITS)
+    straight = StraightTrajectory(Motion(Vector3(), 0.0), Vector3(20.0, 0.0, 0.0), 0.0, LIMITS)
     assert found.duration_s < 1.02 * straight.duration_s
     assert_kept(sampled(found), LIMITS)
     # Each waypoint is passed, and told, in its place.

@@ -23,7 +23,7 @@ from ual_daemon.flight.tasks import Tasks
 from ual_daemon.settings import LimitSettings, VehicleSettings
 from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.tracker.references import Hold
-from ual_daemon.vehicle.mission_file import FlownMission, MissionFile
+from ual_daemon.vehicle.mission_file import MissionFile, RunningMission
 from ual_daemon.vehicle.missions import AGAIN_S, Missions
 
 
@@ -58,7 +58,7 @@ class Restarted:
         monkeypatch.setattr(backend, "offer", offers)
         monkeypatch.setattr(backend, "info", lambda: replace(info, identity="it"))
         self.file = MissionFile(path)
-        self.file.write(FlownMission("it", "digest", "mission-1"))
+        self.file.write(RunningMission("it", "digest", "mission-1"))
         self.tasks = Tasks(backend.clock)
         self.flight = Flight(backend, CurrentLimits(backend, LimitSettings()), vehicle._flight.geofence)
         self._missions = Missions(

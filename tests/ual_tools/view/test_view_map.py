@@ -17,16 +17,16 @@ from tests.conftest import DaemonProcess
 from tests.ual_tools.view.conftest import StartView
 from ual.errors import InvalidArgumentError
 from ual.geometry import Vector3
-from ual_tools.view.earth import EarthPlace, Origin, Tile, tile_at, tiles_around
+from ual_tools.view.earth import EarthPosition, Origin, Tile, tile_at, tiles_around
 from ual_tools.view.map_source import MapPicture, Tiles, ground
 
-SEVILLE = EarthPlace(37.4117, -6.0012)
+SEVILLE = EarthPosition(37.4117, -6.0012)
 GEOD = Geod(ellps="WGS84")
 
 
 @given(st.floats(-75.0, 75.0), st.floats(-180.0, 180.0), st.floats(-2000.0, 2000.0), st.floats(-2000.0, 2000.0))
 def test_a_place_is_where_the_ellipsoid_says(latitude_deg: float, longitude_deg: float, x: float, y: float) -> None:
-    origin = Origin(EarthPlace(latitude_deg, longitude_deg))
+    origin = Origin(EarthPosition(latitude_deg, longitude_deg))
     place = origin.place_at(Vector3(x, y, 0.0))
     back = origin.in_map(place)
     assert (back - Vector3(x, y, 0.0)).norm() < 1e-4
@@ -41,9 +41,9 @@ def test_the_origin_follows_from_a_uav_that_stands_beside_it() -> None:
 
 
 def test_tiles_are_counted_as_the_maps_of_the_web_do() -> None:
-    assert tile_at(EarthPlace(0.0, 0.0), 1) == Tile(1, 1, 1)
-    assert tile_at(EarthPlace(52.5163, 13.3777), 17) == Tile(17, 70406, 42987)  # the Brandenburg Gate
-    assert tile_at(EarthPlace(90.0, 180.0), 3) == Tile(3, 0, 0)
+    assert tile_at(EarthPosition(0.0, 0.0), 1) == Tile(1, 1, 1)
+    assert tile_at(EarthPosition(52.5163, 13.3777), 17) == Tile(17, 70406, 42987)  # the Brandenburg Gate
+    assert tile_at(EarthPosition(90.0, 180.0), 3) == Tile(3, 0, 0)
     north_west, _, south_east, _ = Tile(0, 0, 0).corners()
     assert north_west == pytest.approx((85.0511, -180.0), abs=1e-4)
     assert south_east == pytest.approx((-85.0511, 180.0), abs=1e-4)
@@ -51,7 +51,7 @@ def test_tiles_are_counted_as_the_maps_of_the_web_do() -> None:
 
 @given(st.floats(-85.0, 85.0), st.floats(-180.0, 179.9999), st.integers(0, 22))
 def test_a_place_is_within_its_tile(latitude_deg: float, longitude_deg: float, zoom: int) -> None:
-    north_west, _, south_east, _ = tile_at(EarthPlace(latitude_deg, longitude_deg), zoom).corners()
+    north_west, _, south_east, _ = tile_at(EarthPosition(latitude_deg, longitude_deg), zoom).corners()
     assert south_east.latitude_deg - 1e-9 <= latitude_deg <= north_west.latitude_deg + 1e-9
     assert north_west.longitude_deg - 1e-9 <= longitude_deg <= south_east.longitude_deg + 1e-9
 
@@ -84,7 +84,8 @@ def test_what_is_no_map_is_refused(
 def test_there_is_none_unless_it_is_asked_for() -> None:
     assert ground(None, 17, None, None) is None
     assert ground(None, 17, Path("a.png"), ("1,2", "1,3", "0,3", "0,2")) == MapPicture(
-        Path("a.png"), (EarthPlace(1.0, 2.0), EarthPlace(1.0, 3.0), EarthPlace(0.0, 3.0), EarthPlace(0.0, 2.0))
+        Path("a.png"),
+        (EarthPosition(1.0, 2.0), EarthPosition(1.0, 3.0), EarthPosition(0.0, 3.0), EarthPosition(0.0, 2.0)),
     )
 
 

@@ -12,7 +12,7 @@ from ual.errors import RejectedByAutopilotError
 from ual.interface import Simulation
 from ual.types import Capability, Limits
 from ual_daemon.backends import futures
-from ual_daemon.backends.airsim.cameras import AirsimCameras, LocalFramePlace
+from ual_daemon.backends.airsim.cameras import AirsimCameras, LocalFrameOrigin
 from ual_daemon.backends.airsim.clock import SimulatorClock
 from ual_daemon.backends.airsim.commands import Action, AirsimCommandQueue
 from ual_daemon.backends.airsim.fetching import PictureFetcher
@@ -28,7 +28,7 @@ from ual_daemon.backends.airsim.snapshots import API, HOVER, REMOTE_CONTROL, pro
 from ual_daemon.backends.base import BackendOptions, SafetyPilot, SimulatedPilot, UpdateCallback
 from ual_daemon.backends.engine.backend import EngineBackend
 from ual_daemon.backends.engine.command import ARMING, FLYING, Command
-from ual_daemon.backends.engine.command_desk import CommandDesk
+from ual_daemon.backends.engine.command_entrance import CommandEntrance
 from ual_daemon.backends.mailbox import SetpointMailbox
 from ual_daemon.backends.values import Freshness, Setpoint, SetpointLoss, Snapshot, Takes, VehicleInfo, VelocityGains
 from ual_daemon.settings import convert
@@ -82,7 +82,7 @@ class AirsimBackend(EngineBackend[AirsimRequest]):
         self._pilot = AirsimPilot(address, lambda: self._session.vehicle, lambda: self._session.report)
         self._offers = (self._cameras,)
         self._loop = self._session.loop
-        self._desk = CommandDesk(self._loop, clock, self._session.reach)
+        self._entrance = CommandEntrance(self._loop, clock, self._session.reach)
 
     def _connect(self, address: AirsimAddress) -> RpcConnection:
         return RpcConnection(address)
@@ -224,9 +224,9 @@ class AirsimBackend(EngineBackend[AirsimRequest]):
         assert self._link.simulator is not None
         self._cameras.on_connect(self._link.simulator.cameras, has_booted)
 
-    def _place(self) -> LocalFramePlace:
+    def _place(self) -> LocalFrameOrigin:
         simulator = self._link.simulator
-        return LocalFramePlace(self._session.boots_count, None if simulator is None else projection_of(simulator))
+        return LocalFrameOrigin(self._session.boots_count, None if simulator is None else projection_of(simulator))
 
 
 def _refusal(text: str) -> Future[None]:

@@ -29,7 +29,7 @@ from ual_daemon.backends.chain import done, then
 from ual_daemon.backends.engine.distance_trigger import DistanceTrigger
 from ual_daemon.backends.engine.due_photos import DuePhotos
 from ual_daemon.backends.engine.photo_log import PhotoLog
-from ual_daemon.backends.offers.cameras import EncodedImage, OfferedCamera, OfferedCameras, TakenPhoto, Viewpoint
+from ual_daemon.backends.offers.cameras import CameraDriver, CameraDrivers, EncodedImage, TakenPhoto, Viewpoint
 from ual_daemon.geodesy import Projection
 
 MOST_KEPT_BYTES = 128 << 20
@@ -39,14 +39,14 @@ _ABILITIES = frozenset({CameraAbility.PHOTO, CameraAbility.IMAGE})
 _log = logging.getLogger(__name__)
 
 
-class LocalFramePlace(NamedTuple):
+class LocalFrameOrigin(NamedTuple):
     """Position of the vehicle's local frame on Earth, and the boot of the simulator."""
 
     boots_count: int
     projection: Projection | None
 
 
-class AirsimCamera(OfferedCamera):
+class AirsimCamera(CameraDriver):
     """One camera.
 
     Args:
@@ -64,7 +64,7 @@ class AirsimCamera(OfferedCamera):
         settings: NamedCamera,
         fetch: Callable[[str, ImageKind], Future[Fetched]],
         trail: Trail,
-        place: Callable[[], LocalFramePlace],
+        place: Callable[[], LocalFrameOrigin],
         trouble: Callable[[], str],
     ) -> None:
         self.is_busy = False
@@ -199,7 +199,7 @@ class AirsimCamera(OfferedCamera):
         settings, place = self.settings, self._place()
         return then(self._fetch(settings.name, kind), lambda found: self._read(settings, place, kind, found))
 
-    def _read(self, settings: NamedCamera, place: LocalFramePlace, kind: ImageKind, found: Fetched) -> EncodedImage:
+    def _read(self, settings: NamedCamera, place: LocalFrameOrigin, kind: ImageKind, found: Fetched) -> EncodedImage:
         picture = found.picture
         size = picture.width, picture.height
         intrinsics = intrinsics_of(settings, kind, *size, found.tangent)
@@ -208,7 +208,7 @@ class AirsimCamera(OfferedCamera):
         viewpoint = self._viewpoint(place, picture.stamp_s, picture.camera)
         return EncodedImage(found.data, found.format, *size, picture.stamp_s, intrinsics, viewpoint, kind)
 
-    def _viewpoint(self, place: LocalFramePlace, stamp_s: float, camera: Pose) -> Viewpoint:
+    def _viewpoint(self, place: LocalFrameOrigin, stamp_s: float, camera: Pose) -> Viewpoint:
         """Returns from where a picture was taken. The camera is where the simulator says; it may be on a gimbal."""
         body = self._trail.at(stamp_s)
         if body is None or not any(camera.orientation):
@@ -266,11 +266,11 @@ class _ByTime:
         return max(due, 0)
 
 
-class AirsimCameras(OfferedCameras):
+class AirsimCameras(CameraDrivers):
     """The cameras of one vehicle. One that was found keeps its number."""
 
     def __init__(
-        self, fetcher: PictureFetcher, place: Callable[[], LocalFramePlace], trouble: Callable[[], str]
+        self, fetcher: PictureFetcher, place: Callable[[], LocalFrameOrigin], trouble: Callable[[], str]
     ) -> None:
         self._fetcher = fetcher
         self._place = place

@@ -32,7 +32,7 @@ from ual_daemon.backends.crazyflie.toc import TocCache
 from ual_daemon.backends.crazyflie.values_reader import ValuesReader
 from ual_daemon.backends.crazyflie.vehicle import describe
 from ual_daemon.backends.engine.command import ARMING, FLYING, Command, Repeat, Verdict, shows_armed
-from ual_daemon.backends.engine.command_desk import CommandDesk
+from ual_daemon.backends.engine.command_entrance import CommandEntrance
 from ual_daemon.backends.engine.command_runner import CommandRunner
 from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.engine.loop import Loop, LoopThread, OnceLog
@@ -86,7 +86,7 @@ class CrazyflieSession:
         self._runner: CommandRunner[Ask] = CommandRunner(
             "the firmware", lambda ask, _, key: ask(key), self._known, self.watch, setpoints_s=lambda _: 0.0
         )
-        self._desk = CommandDesk(self.loop, clock, self._reach)
+        self._entrance = CommandEntrance(self.loop, clock, self._reach)
 
     @property
     def is_connected(self) -> bool:
@@ -103,11 +103,11 @@ class CrazyflieSession:
 
     def arm(self) -> Future[None]:
         """Arms; the future ends with the effect."""
-        return self._desk.give("arm", lambda: self._arming(is_armed=True))
+        return self._entrance.give("arm", lambda: self._arming(is_armed=True))
 
     def disarm(self) -> Future[None]:
         """Disarms; the future ends with the effect."""
-        return self._desk.give("disarm", lambda: self._arming(is_armed=False))
+        return self._entrance.give("disarm", lambda: self._arming(is_armed=False))
 
     def take_off(self) -> Future[None]:
         """Lets setpoints fly."""
@@ -124,11 +124,11 @@ class CrazyflieSession:
 
     def hold(self) -> Future[None]:
         """Has it stop and hover by itself."""
-        return self._desk.give("hold", self._holding)
+        return self._entrance.give("hold", self._holding)
 
     def land(self, descent_speed_m_s: float) -> Future[None]:
         """Has it land by itself."""
-        return self._desk.give("land", lambda: self._landing(descent_speed_m_s))
+        return self._entrance.give("land", lambda: self._landing(descent_speed_m_s))
 
     def _reach(self, what: str) -> CommandRunner[Ask] | UalError:
         return self._runner if self.is_connected else LinkLostError(f"cannot {what}: no Crazyflie is connected")

@@ -24,7 +24,7 @@ from ual_daemon.backends.dji.telemetry import LINK_S, DjiTelemetry
 from ual_daemon.backends.dji.wrappers import DjiCall, Wrapper
 from ual_daemon.backends.engine.backend import EngineBackend
 from ual_daemon.backends.engine.command import FLYING, Command
-from ual_daemon.backends.engine.command_desk import CommandDesk
+from ual_daemon.backends.engine.command_entrance import CommandEntrance
 from ual_daemon.backends.engine.contained import ErrorBarrier
 from ual_daemon.backends.engine.loop import Loop
 from ual_daemon.backends.offers.cameras import Viewpoint
@@ -86,7 +86,7 @@ class DjiBackend(EngineBackend[DjiRequest]):
         self._link = self._make_link()
         self._session = DjiSession(self._link, self.clock, self._settings)
         self._loop = Loop(self._session, self.clock, self._session.watch)
-        self._desk = CommandDesk(self._loop, self.clock, self._session.reach)
+        self._entrance = CommandEntrance(self._loop, self.clock, self._session.reach)
         self._info: tuple[DjiTelemetry | None, VehicleInfo | None] = (None, None)
         around = Surroundings(
             self._link.call_slow_service,

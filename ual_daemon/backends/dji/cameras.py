@@ -30,7 +30,7 @@ from ual_daemon.backends.chain import caught, done, then, then_wait
 from ual_daemon.backends.engine.distance_trigger import DistanceTrigger
 from ual_daemon.backends.engine.due_photos import DuePhotos
 from ual_daemon.backends.engine.photo_log import PhotoLog
-from ual_daemon.backends.offers.cameras import OfferedCamera, OfferedCameras, TakenPhoto, Viewpoint
+from ual_daemon.backends.offers.cameras import CameraDriver, CameraDrivers, TakenPhoto, Viewpoint
 from ual_daemon.backends.rosbridge import Message
 from ual_daemon.backends.rosbridge.calls import ServiceError, ServiceTimeoutError
 from ual_daemon.backends.rosbridge.fields import number
@@ -78,7 +78,7 @@ class Surroundings(NamedTuple):
     silence: Callable[[], str]
 
 
-class DjiCamera(OfferedCamera):
+class DjiCamera(CameraDriver):
     """One camera. `observe` and `step` are for the link's thread."""
 
     def __init__(self, camera: int, position: int, name: str, around: Surroundings) -> None:
@@ -272,7 +272,7 @@ class DjiCamera(OfferedCamera):
         return values
 
 
-class DjiCameras(OfferedCameras):
+class DjiCameras(CameraDrivers):
     """The cameras of one aircraft. One that was found keeps its number. `tick` and `step` are for the link's thread."""
 
     def __init__(self, around: Surroundings) -> None:

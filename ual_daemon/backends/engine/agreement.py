@@ -29,7 +29,7 @@ GROUNDED_S = 1.0
 """Seconds on the ground, or disarmed, after which the flight has ended."""
 
 
-class FlightSeen:
+class AirborneWatch:
     """Whether the vehicle is in the air, as far as verdicts have to wait for that."""
 
     def __init__(self) -> None:

@@ -12,7 +12,7 @@ from ual.errors import LinkLostError
 from ual_daemon.backends import futures
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.engine.command import Command
-from ual_daemon.backends.engine.command_desk import CommandDesk
+from ual_daemon.backends.engine.command_entrance import CommandEntrance
 from ual_daemon.backends.engine.loop import Loop
 from ual_daemon.backends.values import LinkReport, Snapshot
 
@@ -22,11 +22,11 @@ T = TypeVar("T")
 
 class EngineBackend(Backend, Generic[R]):
     """Backend whose data pass through the engine's loop, and whose commands, with requests of type `R`, through its
-    command desk. A subclass sets `_loop` and `_desk` once it has them, at the latest in `open`.
+    command desk. A subclass sets `_loop` and `_entrance` once it has them, at the latest in `open`.
     """
 
     _loop: Loop | None = None
-    _desk: CommandDesk[R] | None = None
+    _entrance: CommandEntrance[R] | None = None
     _offers: tuple[object, ...] = ()
     """Offers beside flying, each for another kind of service."""
 
@@ -48,8 +48,8 @@ class EngineBackend(Backend, Generic[R]):
         return next((each for each in self._offers if isinstance(each, kind)), None)
 
     def _order(self, what: str, make: Callable[[], Command[R]]) -> Future[None]:
-        """Has a command made and sent on the loop's thread; its future ends there. See `CommandDesk.give`."""
-        return futures.failed(self._unreached(what)) if self._desk is None else self._desk.give(what, make)
+        """Has a command made and sent on the loop's thread; its future ends there. See `CommandEntrance.give`."""
+        return futures.failed(self._unreached(what)) if self._entrance is None else self._entrance.give(what, make)
 
     def _unreached(self, what: str) -> LinkLostError:
         """Returns why there is nobody to `what`: "take off"."""

@@ -20,7 +20,7 @@ from ual_daemon.backends.base import BackendOptions, Clock, UpdateCallback
 from ual_daemon.backends.clock import SpedUpClock
 from ual_daemon.backends.engine.backend import EngineBackend
 from ual_daemon.backends.engine.command import ARMING, FLYING, Command, Repeat, Verdict, shows_armed, shows_mode
-from ual_daemon.backends.engine.command_desk import CommandDesk
+from ual_daemon.backends.engine.command_entrance import CommandEntrance
 from ual_daemon.backends.engine.command_runner import CommandRunner
 from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.engine.loop import Loop, LoopThread
@@ -100,7 +100,7 @@ class ReportingBackend(EngineBackend[str]):
         self._session = session = _Session(self)
         watched_s = time.monotonic if speed > 1.0 else None
         self._loop = Loop(session, self.clock, session.watch, watched_s=watched_s)
-        self._desk = CommandDesk(self._loop, self.clock, self._reach)
+        self._entrance = CommandEntrance(self._loop, self.clock, self._reach)
         self._thread = LoopThread(self._loop, self.clock, self.name, self._receive, session.on_defect)
 
     # --- What a subclass does -----------------------------------------------------------------------------------------

@@ -40,7 +40,7 @@ class PayloadOrder(NamedTuple):
     Attributes:
         what: For people: "release the gripper".
         device: What it moves: of one device the newest order counts.
-        holds: Whether it may be repeated; see `OfferedGripper`.
+        holds: Whether it may be repeated; see `GripperDriver`.
 
     """
 

@@ -8,10 +8,10 @@ from concurrent.futures import Future
 from typing_extensions import override
 
 from ual_daemon.backends.firmwares.gripper_codec import GripperCodec, PayloadOrder
-from ual_daemon.backends.offers.gripper import OfferedGripper, ServoOrder, WinchOrder
+from ual_daemon.backends.offers.gripper import GripperDriver, ServoOrder, WinchOrder
 
 
-class OrderedGripper(OfferedGripper):
+class OrderedGripper(GripperDriver):
     """Encodes each order as its autopilot takes it. A backend passes it on."""
 
     @abstractmethod

@@ -23,7 +23,7 @@ from ual_daemon.backends.offers.missions import AutopilotMissions, KeptMission, 
 from ual_daemon.backends.offers.parameters import Refusal
 
 
-class HeardMission(NamedTuple):
+class ReceivedMission(NamedTuple):
     """The newest of what the autopilot has told of its mission, with its own numbers of the items."""
 
     stage: MissionStage
@@ -53,7 +53,7 @@ class MissionAccess(NamedTuple):
 
     lists: ItemLists
     autopilot: Callable[[], Autopilot | None]
-    heard: Callable[[], HeardMission | None]
+    heard: Callable[[], ReceivedMission | None]
     choose: Callable[[int, frozenset[int], Refusal], Future[None]]
     fly: Callable[[], Future[None]]
     read_parameter: Callable[[str], Future[Parameter]]

@@ -12,7 +12,7 @@ from ual.cameras import CameraAbility, CameraInfo, CameraStatus
 from ual.errors import LinkLostError, NotSupportedError
 from ual_daemon.backends import futures
 from ual_daemon.backends.firmwares.triggered_photos import TriggeredPhotos
-from ual_daemon.backends.offers.cameras import OfferedCamera, TakenPhoto
+from ual_daemon.backends.offers.cameras import CameraDriver, TakenPhoto
 
 NAME = "autopilot's trigger"
 DIGICAM_CONTROL, TRIGGER_DISTANCE = 203, 206
@@ -24,7 +24,7 @@ Give = Callable[[str, Callable[[Future[Any]], None]], Future[Any]]
 """Returns a future that something ends on the thread that receives; see `Loop.give`."""
 
 
-class TriggerCamera(OfferedCamera):
+class TriggerCamera(CameraDriver):
     """Takes pictures one by one, or by distance, which the autopilot counts.
 
     Args:

@@ -19,9 +19,9 @@ from ual.types import Battery, Capability, GpsFix, GpsInfo, Health, Limits
 from ual_daemon._version import __version__
 from ual_daemon.backends import futures
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, SimulatedPilot, UpdateCallback
+from ual_daemon.backends.command_snapshot import judged
 from ual_daemon.backends.engine.contained import ErrorBarrier
 from ual_daemon.backends.engine.loop import Loop
-from ual_daemon.backends.judged import judged
 from ual_daemon.backends.light import derived
 from ual_daemon.backends.light.camera import CameraMoment, LightCameras
 from ual_daemon.backends.light.corrections import LightCorrections

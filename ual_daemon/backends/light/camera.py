@@ -34,9 +34,9 @@ from ual_daemon.backends.light.painter import Painter
 from ual_daemon.backends.light.scene import Marker, PaintedScene, PaintOrder
 from ual_daemon.backends.light.settings import LightCameraSettings
 from ual_daemon.backends.offers.cameras import (
+    CameraDriver,
+    CameraDrivers,
     EncodedImage,
-    OfferedCamera,
-    OfferedCameras,
     TakenPhoto,
     Viewpoint,
     mounted,
@@ -82,7 +82,7 @@ class _PaintedShot(NamedTuple):
     taken: TakenPhoto
 
 
-class LightCamera(OfferedCamera):
+class LightCamera(CameraDriver):
     """One camera. `look` returns what is so now; `paint` has a picture painted, as PNG.
 
     With `carrier` it is mounted on what that returns the pose of in the body, at a moment.
@@ -330,7 +330,7 @@ class LightCamera(OfferedCamera):
         )
 
 
-class LightCameras(OfferedCameras):
+class LightCameras(CameraDrivers):
     """The cameras of one UAV."""
 
     def __init__(
@@ -351,7 +351,7 @@ class LightCameras(OfferedCameras):
         self._is_closed = False
 
     @override
-    def all(self) -> Sequence[OfferedCamera]:
+    def all(self) -> Sequence[CameraDriver]:
         return self._cameras
 
     @property

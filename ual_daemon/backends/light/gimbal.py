@@ -22,7 +22,7 @@ from ual.gimbals import (
 )
 from ual_daemon.backends import futures
 from ual_daemon.backends.light.settings import LightGimbalSettings
-from ual_daemon.backends.offers.gimbals import GimbalAttitude, OfferedGimbal, OfferedGimbals
+from ual_daemon.backends.offers.gimbals import GimbalAttitude, GimbalDriver, GimbalDrivers
 
 _NEUTRAL = GimbalAngles()
 _WHOLE_TURN_RAD = 2.0 * math.pi - 1e-6
@@ -44,7 +44,7 @@ class _Goal(NamedTuple):
     rates: GimbalAngles | None = None
 
 
-class LightGimbal(OfferedGimbal):
+class LightGimbal(GimbalDriver):
     """One gimbal. `look` returns the present moment.
 
     It is computed when it is looked at: between two looks its goal does not move, but for the heading of the UAV.
@@ -172,14 +172,14 @@ class LightGimbal(OfferedGimbal):
         return [_way(*axis) for axis in zip(self._now(), wanted, self._ranges, strict=True)]
 
 
-class LightGimbals(OfferedGimbals):
+class LightGimbals(GimbalDrivers):
     """The gimbals of one UAV."""
 
     def __init__(self, settings: Sequence[LightGimbalSettings], look: Callable[[], GimbalMoment]) -> None:
         self.gimbals = [LightGimbal(number, each, look) for number, each in enumerate(settings)]
 
     @override
-    def all(self) -> Sequence[OfferedGimbal]:
+    def all(self) -> Sequence[GimbalDriver]:
         return self.gimbals
 
 

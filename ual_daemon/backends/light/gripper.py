@@ -13,7 +13,7 @@ from typing_extensions import override
 
 from ual.errors import LinkLostError, NotSupportedError, RejectedByAutopilotError, UalError
 from ual.gripper import GripperState, WinchAction, WinchStatus
-from ual_daemon.backends.offers.gripper import OfferedGripper, ServoOrder, WinchOrder
+from ual_daemon.backends.offers.gripper import GripperDriver, ServoOrder, WinchOrder
 
 T = TypeVar("T")
 
@@ -92,7 +92,7 @@ class _Winch:
         )
 
 
-class LightGripper(OfferedGripper):
+class LightGripper(GripperDriver):
     """All of one UAV. Any number of them is there; the configuration says which. They acknowledge at once.
 
     Args:

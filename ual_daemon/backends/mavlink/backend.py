@@ -19,7 +19,7 @@ from ual_daemon.backends import futures
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.engine.backend import EngineBackend
-from ual_daemon.backends.engine.command_desk import CommandDesk
+from ual_daemon.backends.engine.command_entrance import CommandEntrance
 from ual_daemon.backends.firmwares.safety_pilot import LinkPilot
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.firmwares.trigger_camera import TriggerCamera
@@ -42,7 +42,7 @@ from ual_daemon.backends.mavlink.offers.http_pictures import HttpPictures
 from ual_daemon.backends.mavlink.offers.lists import MavlinkLists, fence_of, missions_of
 from ual_daemon.backends.mavlink.offers.logs import MavlinkLogs
 from ual_daemon.backends.mavlink.offers.parameters import MavlinkParameters
-from ual_daemon.backends.mavlink.offers.reach import Orders, ProtocolAccess
+from ual_daemon.backends.mavlink.offers.protocol_access import Orders, ProtocolAccess
 from ual_daemon.backends.mavlink.packet_tap import PacketTap
 from ual_daemon.backends.mavlink.payload import MavlinkPayload
 from ual_daemon.backends.mavlink.protocols.camera_link import CameraLink
@@ -284,7 +284,7 @@ class MavlinkBackend(EngineBackend[CommandLong]):
         name = f"mavlink {self.options.ns}"
         receiving = ReceiveLoop(connection, discovery, self.clock, self._use_freshness, on_update, name)
         self._receiving, self._loop = receiving, receiving.loop
-        self._desk = CommandDesk(receiving.loop, self.clock, self._reach)
+        self._entrance = CommandEntrance(receiving.loop, self.clock, self._reach)
         if self.on_packet is not None:
             tap = PacketTap(self.on_packet, connection, self.clock)
             connection.on_sent, receiving.on_received = tap.sent, tap.received

@@ -15,13 +15,13 @@ from ual_daemon.backends.base import BackendOptions, SafetyPilot, UpdateCallback
 from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.engine.backend import EngineBackend
 from ual_daemon.backends.engine.command import Command
-from ual_daemon.backends.engine.command_desk import CommandDesk
+from ual_daemon.backends.engine.command_entrance import CommandEntrance
 from ual_daemon.backends.engine.command_runner import CommandRunner
 from ual_daemon.backends.engine.contained import ErrorBarrier
 from ual_daemon.backends.engine.loop import Loop, Posted
 from ual_daemon.backends.firmwares.autopilot import Autopilot
 from ual_daemon.backends.firmwares.listed_fence import KnownAutopilot, ListedFence
-from ual_daemon.backends.firmwares.listed_missions import HeardMission, ListedMissions, MissionAccess
+from ual_daemon.backends.firmwares.listed_missions import ListedMissions, MissionAccess, ReceivedMission
 from ual_daemon.backends.firmwares.safety_pilot import LinkPilot
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.firmwares.triggered_photos import viewpoint_of
@@ -138,7 +138,7 @@ class MavrosBackend(EngineBackend[MavrosCall]):
         link.advertise(f"{self._settings.node}/{topics.RTCM}", topics.RTCM_TYPE)
         discovery = self._discovery = MavrosDiscovery(link, self._settings, self._sent, self._on_message, self.utc_s)
         self._loop = Loop(discovery, self.clock, discovery.watch, self._update)
-        self._desk = CommandDesk(self._loop, self.clock, self._reach)
+        self._entrance = CommandEntrance(self._loop, self.clock, self._reach)
         link.open()
 
     def _make_link(self) -> RosbridgeLink:
@@ -287,7 +287,7 @@ class MavrosBackend(EngineBackend[MavrosCall]):
             session = self._last_session()
             return None if session is None else session.autopilot
 
-        def heard() -> HeardMission | None:
+        def heard() -> ReceivedMission | None:
             session = self._last_session()
             return None if session is None else session.telemetry.missions.heard
 

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from ual.missions.plan import MissionStage
 from ual_daemon.backends.firmwares.autopilot import Autopilot
-from ual_daemon.backends.firmwares.listed_missions import HeardMission
+from ual_daemon.backends.firmwares.listed_missions import ReceivedMission
 from ual_daemon.backends.firmwares.mission_items import JUMP, LAST_NAVIGATION, MissionItem, MissionType
 from ual_daemon.backends.mavros import topics
 from ual_daemon.backends.rosbridge import Message
@@ -23,7 +23,7 @@ _DEGREES = 1e7
 _GLOBAL_FRAMES = frozenset({0, 3, 5, 6, 10, 11})
 
 
-class HeardList(NamedTuple):
+class ReceivedList(NamedTuple):
     """A list as it came, and how many have come of its topic."""
 
     items: tuple[MissionItem, ...] = ()
@@ -36,8 +36,8 @@ class MissionTopics:
     def __init__(self, autopilot: Autopilot) -> None:
         codec = autopilot.missions
         self._stays_in_mode = codec is not None and codec.done_mode == codec.mode
-        self.lists = dict.fromkeys(MissionType, HeardList())
-        self.heard: HeardMission | None = None
+        self.lists = dict.fromkeys(MissionType, ReceivedList())
+        self.heard: ReceivedMission | None = None
 
     @property
     def handlers(self) -> dict[str, Callable[[Message, float], None]]:
@@ -60,14 +60,14 @@ class MissionTopics:
         if self._stays_in_mode and reached is not None and seq < reached:
             reached = None  # it flies there again
         changes = (self._mark(),)
-        self.heard = HeardMission(MissionStage.UNKNOWN, seq, now_s, 0, reached, reached_s, changes)
+        self.heard = ReceivedMission(MissionStage.UNKNOWN, seq, now_s, 0, reached, reached_s, changes)
 
     def _on_reached(self, message: Message, now_s: float) -> None:
         if self.heard is None:
             return
         reached = int(message["wp_seq"])
         stage = MissionStage.COMPLETE if self._is_last(reached) else MissionStage.UNKNOWN
-        self.heard = HeardMission(stage, self.heard.seq, now_s, 0, reached, now_s, self.heard.changes)
+        self.heard = ReceivedMission(stage, self.heard.seq, now_s, 0, reached, now_s, self.heard.changes)
 
     def _mark(self) -> int:
         """Returns a mark of the list as MAVROS has read it, which it does after each transfer that it sees."""
@@ -85,7 +85,7 @@ class MissionTopics:
 
     def _keep(self, kind: MissionType, message: Message) -> None:
         items = tuple(map(item_of, message["waypoints"]))
-        self.lists[kind] = HeardList(items, self.lists[kind].messages_count + 1)
+        self.lists[kind] = ReceivedList(items, self.lists[kind].messages_count + 1)
 
 
 def item_of(message: Message) -> MissionItem:

@@ -10,7 +10,7 @@ from typing import Any
 
 from ual.geometry import Pose, Twist
 from ual.types import Battery, GeoPoint, GpsInfo, Health
-from ual_daemon.backends.engine.agreement import FlightSeen
+from ual_daemon.backends.engine.agreement import AirborneWatch
 from ual_daemon.backends.engine.clock_offset import ClockOffset
 from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.engine.plausibility import Plausibility
@@ -88,7 +88,7 @@ class MavrosTelemetry:
         """Whether home is to be asked for, as it is elsewhere now."""
         self.is_ready_to_arm: bool | None = None
         self.vtol_state = 0
-        self.flight = FlightSeen()
+        self.flight = AirborneWatch()
         self.is_connected = False
         """Whether MAVROS hears the autopilot, by its own words: it takes 10 s to notice that it does not."""
         self._utc_s = utc_s

@@ -58,7 +58,7 @@ class EncodedImage(NamedTuple):
     kind: ImageKind = ImageKind.COLOUR
 
 
-class OfferedCamera(ABC):
+class CameraDriver(ABC):
     """One camera. From any thread; no method waits.
 
     Each future ends by itself, also where nothing answers: with a `LinkLostError`, or with a `UalTimeoutError`. What
@@ -127,9 +127,9 @@ class OfferedCamera(ABC):
         raise NotImplementedError  # `info` has no such ability
 
 
-class OfferedCameras(ABC):
+class CameraDrivers(ABC):
     """The cameras of one UAV. From any thread."""
 
     @abstractmethod
-    def all(self) -> Sequence[OfferedCamera]:
+    def all(self) -> Sequence[CameraDriver]:
         """All that were found: each has its number as its place. None is ever removed."""

@@ -45,7 +45,7 @@ class GimbalAttitude(NamedTuple):
         return None if body is None or in_local is None else body.orientation.inverse() * in_local
 
 
-class OfferedGimbal(ABC):
+class GimbalDriver(ABC):
     """One gimbal. From any thread; no method waits.
 
     Each future ends by itself, also where nothing answers: with a `LinkLostError`, or with a `UalTimeoutError`. What
@@ -106,15 +106,15 @@ class OfferedGimbal(ABC):
         """Gives the control up."""
 
 
-class OfferedGimbals(ABC):
+class GimbalDrivers(ABC):
     """The gimbals of one UAV. From any thread."""
 
     @abstractmethod
-    def all(self) -> Sequence[OfferedGimbal]:
+    def all(self) -> Sequence[GimbalDriver]:
         """All that were found: each has its number as its place. None is ever removed."""
 
 
-class FindableGimbal(OfferedGimbal):
+class FindableGimbal(GimbalDriver):
     """A gimbal of which it shows later whether there is one."""
 
     @property
@@ -123,12 +123,12 @@ class FindableGimbal(OfferedGimbal):
         """Whether there is one, as far as was heard. Once it is, it stays."""
 
 
-class OneGimbal(OfferedGimbals):
+class OneGimbal(GimbalDrivers):
     """The gimbals of a UAV that has one at most: none until it is found."""
 
     def __init__(self, gimbal: FindableGimbal) -> None:
         self._gimbal = gimbal
 
     @override
-    def all(self) -> Sequence[OfferedGimbal]:
+    def all(self) -> Sequence[GimbalDriver]:
         return [self._gimbal] if self._gimbal.is_found else []

@@ -32,7 +32,7 @@ class ServoOrder(NamedTuple):
     max_pwm_us: int
 
 
-class OfferedGripper(ABC):
+class GripperDriver(ABC):
     """Payload devices of one autopilot. From any thread; no method waits.
 
     Each future ends by itself, also where nothing answers. An order ends with its acknowledgement, or with a

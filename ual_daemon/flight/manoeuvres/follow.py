@@ -29,7 +29,7 @@ from ual_daemon.flight.manoeuvres.manoeuvre import (
     why_not_ours,
 )
 from ual_daemon.flight.manoeuvres.progress_watch import Headway
-from ual_daemon.flight.manoeuvres.rest_of_way import RestOfWay
+from ual_daemon.flight.manoeuvres.remaining_route import RemainingRoute
 from ual_daemon.flight.policy.geofence import GeofencePolicy
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.stopping import next_start
@@ -94,7 +94,7 @@ class FollowTrajectory(Manoeuvre):
         self._stepped_s: float | None = None
         self._headway = Headway()
         self._watched_s, self._watched_waypoint = -math.inf, 0
-        self._rest: RestOfWay | None = None
+        self._rest: RemainingRoute | None = None
         self._planning: _Planning | None = None
         self._said_before: str | None = None
 
@@ -216,7 +216,7 @@ class FollowTrajectory(Manoeuvre):
         try:
             fence = geofence.fence(snapshot)
             if fence is not course.fence:
-                self._rest = RestOfWay(self.name, flown, limits.get(), geofence, snapshot)
+                self._rest = RemainingRoute(self.name, flown, limits.get(), geofence, snapshot)
                 course.fence = fence
         except FrameLostError:
             raise

@@ -33,7 +33,7 @@ from ual_daemon.flight.tasks import Progress, VehicleTask
 from ual_daemon.settings import ToleranceSettings
 from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.tracker.references import Hold, Reference, TrajectoryReference, measured_motion
-from ual_daemon.trajectory import Motion, StraightLine
+from ual_daemon.trajectory import Motion, StraightTrajectory
 
 _LOST_ACK_S = 1.0
 _MODE_NEWS_S = 1.5
@@ -300,7 +300,7 @@ class TakeOffManoeuvre(Manoeuvre):
 
     def _climb_from(self, start: Motion, snapshot: Snapshot) -> TrajectoryReference:
         top = self._top.motion(snapshot)
-        return TrajectoryReference(StraightLine(start, top.position, top.yaw_rad, self._limits), snapshot.time_s)
+        return TrajectoryReference(StraightTrajectory(start, top.position, top.yaw_rad, self._limits), snapshot.time_s)
 
     @override
     def estimate_jumped(self, jump: EstimateJump, stop: Reference) -> UalError | None:

@@ -16,7 +16,7 @@ from ual.types import Capability, Limits
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Snapshot, VehicleInfo
 from ual_daemon.flight.policy.geofence import FenceInputs, GeofencePolicy
-from ual_daemon.flight.policy.reach import REACTION_S
+from ual_daemon.flight.policy.reachable_points import REACTION_S
 from ual_daemon.flight.state import is_surely_auto
 from ual_daemon.frames.room import SURE_M
 from ual_daemon.settings import MAX_TURN_RAD_S

@@ -111,7 +111,7 @@ class Trouble(Enum):
     ASTRAY = "does not follow"
 
 
-class _SeenVelocity(NamedTuple):
+class _ReceivedVelocity(NamedTuple):
     """A velocity that came, and where it was then."""
 
     time_s: float
@@ -146,8 +146,8 @@ class Following:
         """Time of the newest velocity, by the autopilot's clock. All that follows is by that clock."""
         self._speed_squared = 0.0
         self._asked_down_m_s, self._asked_s = 0.0, -math.inf
-        self._fall: _SeenVelocity | None = None
-        self._stopped: _SeenVelocity | None = None
+        self._fall: _ReceivedVelocity | None = None
+        self._stopped: _ReceivedVelocity | None = None
         """Since when, in a landing, the motors are stopped."""
         self._tilted_s = self._astray_s = self._slow_s = math.inf
         self._still_s: float | None = None
@@ -161,8 +161,8 @@ class Following:
         """Since when a velocity is off, and by how much it was then."""
         self._armed_s = -math.inf
         """Last time at which it was in the air and armed."""
-        self._recent: deque[_SeenVelocity] = deque(maxlen=_RECENT_COUNT)
-        self._before: _SeenVelocity | None = None
+        self._recent: deque[_ReceivedVelocity] = deque(maxlen=_RECENT_COUNT)
+        self._before: _ReceivedVelocity | None = None
         """Last observation, where that was in the air."""
         self._boots_count = 0
 
@@ -272,7 +272,7 @@ class Following:
         else:
             self.is_still = now_s - self._still_s >= _STILL_S
         found = self._find(snapshot, raw.state, current) or self._fell_unseen(snapshot, raw.state)
-        self._before = _SeenVelocity(now_s, pose.value.position.z, -z) if raw.state in _IN_AIR else None
+        self._before = _ReceivedVelocity(now_s, pose.value.position.z, -z) if raw.state in _IN_AIR else None
         if found is not None:
             self._note(*found)
             if self.trouble is Trouble.STOPPED and not self.lies:
@@ -343,7 +343,7 @@ class Following:
         if _is_by_hand(state, control.mode):
             self._begin_anew()
             return None  # its pilot may fly as he likes
-        self._keep(snapshot.time_s, _SeenVelocity(now_s, z_m, down_m_s))
+        self._keep(snapshot.time_s, _ReceivedVelocity(now_s, z_m, down_m_s))
         if down_m_s <= _DESCENDS_M_S:
             self._fall = None
         else:
@@ -357,7 +357,7 @@ class Following:
         self._looked_s = now_s
         return self._tilted_or_astray(snapshot, state, current)
 
-    def _keep(self, time_s: float, seen: _SeenVelocity) -> None:
+    def _keep(self, time_s: float, seen: _ReceivedVelocity) -> None:
         """Keeps a velocity, to compare later ones with. One that may be of a fall lets the next look come at once: a
         fall from 1.5 m lasts for half a second.
         """
@@ -406,7 +406,7 @@ class Following:
         if state is not State.LANDING:
             return True
         if self._stopped is None:
-            self._stopped = _SeenVelocity(now_s, z_m, 0.0)
+            self._stopped = _ReceivedVelocity(now_s, z_m, 0.0)
         return self._stopped.z_m - z_m > _STOPPED_DROP_M or now_s - self._stopped.time_s > _STOPPED_S
 
     def _asked(self, snapshot: Snapshot, state: State, reference: Reference | None) -> float:
@@ -471,7 +471,7 @@ class Following:
             return False
         fall = self._fall
         if fall is None or down_m_s < fall.down_m_s:  # one that gets slower brakes
-            self._fall = _SeenVelocity(now_s, z_m, down_m_s)
+            self._fall = _ReceivedVelocity(now_s, z_m, down_m_s)
             return False
         passed_s = now_s - fall.time_s
         if passed_s < _FALLS_S:

@@ -18,7 +18,7 @@ from ual.types import Limits
 from ual_daemon.backends.values import AutopilotFence, Snapshot
 from ual_daemon.flight.policy import autopilot_fence
 from ual_daemon.flight.policy.ground import Datum, Ground
-from ual_daemon.flight.policy.reach import Reach, change, reach
+from ual_daemon.flight.policy.reachable_points import ReachablePoints, change, reach
 from ual_daemon.flight.state import Estimate
 from ual_daemon.frames.fence import Exit, Fence
 from ual_daemon.frames.odom_metres import FrameInLocal, OdomMetres
@@ -487,7 +487,13 @@ class GeofencePolicy:
             self._find_room(now, points)
 
     def _require_stop(
-        self, now: _CachedFence, points: Reach, own: Vector3, velocity: Vector3, limits: Limits, snapshot: Snapshot
+        self,
+        now: _CachedFence,
+        points: ReachablePoints,
+        own: Vector3,
+        velocity: Vector3,
+        limits: Limits,
+        snapshot: Snapshot,
     ) -> None:
         """Checks by the rule itself; see `require_velocity`."""
         fence, polylines = now.low_fence, points.polylines()
@@ -513,7 +519,7 @@ class GeofencePolicy:
         if room is not None:
             self._last = now._replace(rooms=(room, *now.rooms[: _MOST_ROOMS - 1]))
 
-    def _require_stop_between(self, now: _CachedFence, points: Reach, velocity: Vector3) -> None:
+    def _require_stop_between(self, now: _CachedFence, points: ReachablePoints, velocity: Vector3) -> None:
         """Raises `GeofenceError` if a velocity leads through the clearance of the floor, or through the ceiling."""
         stop_z_m = points.commanded_stop[2]
         given_m = self._given_m() if velocity.z >= -_GENTLE_M_S else 0.0

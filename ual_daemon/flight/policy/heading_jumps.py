@@ -24,7 +24,7 @@ _LONGEST_S = 0.5
 """After a longer gap between two headings nothing can be said."""
 
 
-class _SeenHeading(NamedTuple):
+class _ReceivedHeading(NamedTuple):
     """A heading, a yaw rate, when they were received, and in which boot."""
 
     yaw_rad: float
@@ -37,7 +37,7 @@ class HeadingJumpDetector:
     """Compares each heading with the one before. Belongs to the update thread."""
 
     def __init__(self) -> None:
-        self._poses: Confirmation[_SeenHeading] = Confirmation()
+        self._poses: Confirmation[_ReceivedHeading] = Confirmation()
         self.is_suspected = self._poses.is_suspected
 
     def observe(self, snapshot: Snapshot) -> EstimateJump | None:
@@ -45,14 +45,14 @@ class HeadingJumpDetector:
         poses, pose, velocity = self._poses, snapshot.motion.pose, snapshot.motion.velocity
         if pose is None or velocity is None or not poses.is_new(pose):
             return None
-        new = _SeenHeading(
+        new = _ReceivedHeading(
             pose.value.orientation.yaw_rad, velocity.value.angular.z, pose.time_s, snapshot.link.boots_count
         )
         jump_rad = _jump_rad(poses.last, new)
         return EstimateJump(yaw_rad=jump_rad) if poses.confirms(new, has_jumped=bool(jump_rad)) else None
 
 
-def _jump_rad(last: _SeenHeading | None, new: _SeenHeading) -> float:
+def _jump_rad(last: _ReceivedHeading | None, new: _ReceivedHeading) -> float:
     """Returns by how much the heading has changed where the yaw rate does not explain it; else 0."""
     if last is None or new.boots_count != last.boots_count or not 0.0 <= new.received_s - last.received_s <= _LONGEST_S:
         return 0.0

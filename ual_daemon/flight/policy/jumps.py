@@ -56,7 +56,7 @@ class EstimateJump(NamedTuple):
         return math.degrees(self.yaw_rad)
 
 
-class _SeenPosition(NamedTuple):
+class _ReceivedPosition(NamedTuple):
     """A position and velocity, when they were received and (0 where that is not known) measured, and in which boot.
 
     When they were measured is on the autopilot's own clock, or else in UTC.
@@ -108,7 +108,7 @@ class JumpDetector:
     """Compares each position with the one before. Belongs to the update thread."""
 
     def __init__(self) -> None:
-        self._poses: Confirmation[_SeenPosition] = Confirmation()
+        self._poses: Confirmation[_ReceivedPosition] = Confirmation()
         self._usual_m = 0.0
         self._announced_s = -math.inf
         self.is_suspected = self._poses.is_suspected
@@ -124,7 +124,7 @@ class JumpDetector:
             return None
         last = poses.last
         measured_s = snapshot.motion.measured_s or snapshot.motion.stamp_s
-        new = _SeenPosition(
+        new = _ReceivedPosition(
             pose.value.position, sample.value.linear, pose.time_s, measured_s, snapshot.link.boots_count
         )
         if last is not None and not poses.is_waiting and self._is_continued(last, new):
@@ -143,12 +143,12 @@ class JumpDetector:
         free_m = self._free_m(new) + _ACCELERATION_M_S2 / 2 * passed_s * passed_s
         return EstimateJump(step) if poses.confirms(new, has_jumped=step.norm() > free_m) else None
 
-    def _free_m(self, new: _SeenPosition) -> float:
+    def _free_m(self, new: _ReceivedPosition) -> float:
         """Returns by how much the position may change without an explanation."""
         is_announced = new.received_s - self._announced_s < ANNOUNCED_S
         return max(ANNOUNCED_JUMP_M if is_announced else JUMP_M, _NOISE_FACTOR * self._usual_m)
 
-    def _is_continued(self, last: _SeenPosition, new: _SeenPosition) -> bool:
+    def _is_continued(self, last: _ReceivedPosition, new: _ReceivedPosition) -> bool:
         """Returns whether the velocity explains the change of position well. In plain numbers, as each update calls
         it.
         """
@@ -170,14 +170,14 @@ def _is_good(snapshot: Snapshot) -> bool:
     return snapshot.motion.estimator is not None and snapshot.motion.estimator.value.is_good
 
 
-def _longest_s(last: _SeenPosition, new: _SeenPosition) -> float:
+def _longest_s(last: _ReceivedPosition, new: _ReceivedPosition) -> float:
     """Returns how long it was at most between two positions: a link may hold them back and deliver them together."""
     received_s = new.received_s - last.received_s
     are_measured = last.measured_s > 0.0 and new.measured_s > 0.0
     return max(received_s, new.measured_s - last.measured_s if are_measured else received_s)
 
 
-def _unexplained(last: _SeenPosition, new: _SeenPosition, passed_s: float) -> Vector3:
+def _unexplained(last: _ReceivedPosition, new: _ReceivedPosition, passed_s: float) -> Vector3:
     """Returns the part of the change of position that the velocity does not explain, for any time up to `passed_s`."""
     change, velocity = new.position - last.position, (last.velocity + new.velocity) * 0.5
     speed_2 = velocity.dot(velocity)

@@ -24,7 +24,7 @@ from ual.network.values import Report, Teller, UavReport
 from ual.shared.guard import WorkGuard
 from ual_daemon import logs
 from ual_daemon._version import __version__
-from ual_daemon.program.network.told import UavAnnouncement
+from ual_daemon.program.network.announcement import UavAnnouncement
 
 _log = logging.getLogger(__name__)
 

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 _IS_AUDITED = {each.path: each.is_audited for each in METHODS.values()}
 
 
-class _WaitingLine(NamedTuple):
+class _QueuedEntry(NamedTuple):
     vehicle: ServedVehicle
     record: CallRecord
     before: object
@@ -51,7 +51,7 @@ class Audit(AuditWriter):
     def put_call(self, vehicle: ServedVehicle, record: CallRecord, before: object) -> None:
         """Writes the line of a call, soon. From any thread."""
         size_bytes = (len(record.request) if record.request else 0) + (len(record.response) if record.response else 0)
-        waiting = _WaitingLine(vehicle, record, before, vehicle.state().name, self._now())
+        waiting = _QueuedEntry(vehicle, record, before, vehicle.state().name, self._now())
         self.put(partial(_entry, waiting, self.guard), size_bytes)
 
 
@@ -70,7 +70,7 @@ class _UavAudit(CallObserver):
             self._audit.put_call(self._vehicle, record, before)
 
 
-def _entry(waiting: _WaitingLine, guard: WorkGuard) -> dict[str, Any]:
+def _entry(waiting: _QueuedEntry, guard: WorkGuard) -> dict[str, Any]:
     """Returns the line of a call; one without its content where that cannot be told."""
     record = waiting.record
     call = {

@@ -49,7 +49,7 @@ def time_text(time: datetime) -> str:
     return time.isoformat(timespec="microseconds")
 
 
-class AuditLines(ABC):
+class AuditOutput(ABC):
     """Destination of the lines of an audit."""
 
     name: str
@@ -120,7 +120,7 @@ class AuditLines(ABC):
         os.close(self._file)
 
 
-class AuditFile(AuditLines):
+class AuditFile(AuditOutput):
     """A file of chained lines.
 
     Raises:
@@ -214,7 +214,7 @@ class AuditFile(AuditLines):
         super().close()
 
 
-class AuditPipe(AuditLines):
+class AuditPipe(AuditOutput):
     """The lines of a worker of a fleet, which its supervisor chains and writes: one file for all."""
 
     name = "of the supervisor"

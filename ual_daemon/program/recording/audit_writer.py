@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 from ual.access import audit
 from ual.shared.guard import WorkGuard
 from ual_daemon import logs
-from ual_daemon.program.recording.audit_file import AuditError, AuditLines, time_text, utc_now
+from ual_daemon.program.recording.audit_file import AuditError, AuditOutput, time_text, utc_now
 
 _log = logging.getLogger(__name__)
 
@@ -51,7 +51,7 @@ class AuditFigures(NamedTuple):
 class AuditWriter:
     """Writes lines by a thread of its own, until `close`. A disk that takes none for a while delays nobody."""
 
-    def __init__(self, lines: AuditLines, now: Callable[[], datetime] = utc_now) -> None:
+    def __init__(self, lines: AuditOutput, now: Callable[[], datetime] = utc_now) -> None:
         self._lines = lines
         self._now = now
         self.guard = WorkGuard("audit")

@@ -12,10 +12,10 @@ from pathlib import Path
 
 from ual.routes import _geojson, _gpx, _json, _kml, _plan, _wpl, _xml
 from ual.routes._kml import parse_kml
-from ual.routes._lines import BareAngleError, parse_angle, parse_lines, parse_list, parse_waypoint
-from ual.routes._places import Heights
 from ual.routes._plan import parse_plan
+from ual.routes._points import Heights
 from ual.routes._route import FaultError, Route, RouteError, naming
+from ual.routes._text import BareAngleError, parse_angle, parse_lines, parse_list, parse_waypoint
 from ual.shared.text import decoded
 from ual.types import AltitudeReference
 

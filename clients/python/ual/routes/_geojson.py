@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from ual.routes import _json
-from ual.routes._places import Heights, LinePlace, counted, route, the_one
+from ual.routes._points import Heights, RoutePoint, counted, route, the_one
 from ual.routes._route import FaultError, Route
 from ual.shared.numbers import shown
 
@@ -92,9 +92,9 @@ def _require_degrees(shape: Mapping[str, object]) -> None:
         raise FaultError(f"is in the coordinate system {shown(name)}: export it in WGS 84 (EPSG:4326)")
 
 
-def _place(position: object, where: str) -> LinePlace:
+def _place(position: object, where: str) -> RoutePoint:
     if not isinstance(position, list) or len(position) < 2:
         raise FaultError(f"{shown(position)} is not [LONGITUDE, LATITUDE, ALTITUDE]", where)
     longitude_deg, latitude_deg = (_json.number(each, "a coordinate", where) for each in position[:2])
     altitude_m = _json.number(position[2], "its altitude", where) if len(position) > 2 else None
-    return LinePlace(where, latitude_deg, longitude_deg, altitude_m)
+    return RoutePoint(where, latitude_deg, longitude_deg, altitude_m)

@@ -6,7 +6,7 @@ Source: https://www.topografix.com/GPX/1/1/. Of an elevation it says only that i
 from __future__ import annotations
 
 from ual.routes import _xml
-from ual.routes._places import Heights, LinePlace, counted, number, route, the_one
+from ual.routes._points import Heights, RoutePoint, counted, number, route, the_one
 from ual.routes._route import FaultError, Route
 
 
@@ -27,7 +27,7 @@ def read(root: _xml.Element, heights: Heights) -> Route:
     return route(places, None, heights, left_out)
 
 
-def _place(point: _xml.Element) -> LinePlace:
+def _place(point: _xml.Element) -> RoutePoint:
     where = f"line {point.line}"
     latitude_deg = number(point.attributes.get("lat"), "latitude (lat)", where)
     longitude_deg = number(point.attributes.get("lon"), "longitude (lon)", where)
@@ -35,4 +35,4 @@ def _place(point: _xml.Element) -> LinePlace:
     if len(elevation) > 1:
         raise FaultError("it has more than one elevation (ele)", where)
     altitude_m = number(elevation[0].text, "elevation (ele)", where) if elevation else None
-    return LinePlace(where, latitude_deg, longitude_deg, altitude_m)
+    return RoutePoint(where, latitude_deg, longitude_deg, altitude_m)

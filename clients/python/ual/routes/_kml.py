@@ -11,7 +11,7 @@ import zlib
 from collections.abc import Iterator, Sequence
 
 from ual.routes import _xml
-from ual.routes._places import HOW, Heights, LinePlace, counted, number, route, the_one
+from ual.routes._points import HOW, Heights, RoutePoint, counted, number, route, the_one
 from ual.routes._route import FaultError, Route, naming
 from ual.shared.numbers import shown
 from ual.types import AltitudeReference
@@ -68,7 +68,7 @@ def _one(line: _xml.Element, name: str) -> str:
     return texts.pop() if texts else ""
 
 
-def _places(line: _xml.Element) -> Iterator[LinePlace]:
+def _places(line: _xml.Element) -> Iterator[RoutePoint]:
     if line.name == "Track":
         places = [(each.text.split(), each.text) for each in line.own("coord")]
     else:
@@ -78,7 +78,7 @@ def _places(line: _xml.Element) -> Iterator[LinePlace]:
         if len(parts) not in (2, 3):
             raise FaultError(f"{shown(text)} is not LONGITUDE,LATITUDE,ALTITUDE", where)
         longitude_deg, latitude_deg, *altitude_m = (number(part, f"{shown(text)}:", where) for part in parts)
-        yield LinePlace(where, latitude_deg, longitude_deg, altitude_m[0] if altitude_m else None)
+        yield RoutePoint(where, latitude_deg, longitude_deg, altitude_m[0] if altitude_m else None)
 
 
 def _tuples(text: str) -> list[list[str]]:

@@ -11,7 +11,7 @@ from ual.geometry import Vector3
 from ual.recording.reader import Message
 from ual.shared import whole_file
 from ual.types import State, Telemetry
-from ual_tools import places
+from ual_tools import positions
 from ual_tools.recording.autopilot_log import LogTrack
 
 _LEAST_NS = 40_000_000
@@ -97,7 +97,7 @@ def _in_its_frame(sample: Telemetry) -> tuple[Vector3, float | None] | None:
 
 def _in_map(sample: Telemetry) -> tuple[Vector3, float | None] | None:
     """Returns the same in `map`."""
-    place, reference = places.position(sample), places.reference(sample)
+    place, reference = positions.position(sample), positions.reference(sample)
     return None if place is None else (place, None if reference is None else reference.position.z)
 
 

@@ -12,7 +12,7 @@ from ual_tools.condition import STYLES
 from ual_tools.output import pose_text, running_text
 from ual_tools.teleop.pilot import OLD_S, StickMode, View
 from ual_tools.teleop.speeds import LEVELS, SpeedLevel
-from ual_tools.watch_table import STATE_STYLES, TableLine
+from ual_tools.watch_table import STATE_STYLES, TableRow
 
 _NAME = 11
 _MOST_LINES = 3
@@ -23,21 +23,21 @@ _SHOWN_S = 3.0
 
 def lines(
     view: View, title: str, help_text: Sequence[tuple[str, str]], question: str, *, width: int, height: int
-) -> list[TableLine]:
+) -> list[TableRow]:
     """Returns the lines of the screen: `height` at most, each `width` characters at most."""
     which = f" ({view.number} of {view.count}, Tab)" if view.count > 1 else ""
-    head = [TableLine(f"ual teleop {title}: {view.name}{which}", "bold")]
+    head = [TableRow(f"ual teleop {title}: {view.name}{which}", "bold")]
     for most_lines, names in ((_MOST_LINES, _ALL), (1, _ALL), (1, _FEW), (1, _FEWEST)):
         uav = _named(_uav(view), names, most_lines, width)
         sticks = _named(_sticks(view, question), names, most_lines, width)
         for keys in (_keys(help_text, width), _folded(help_text, width)):
             gap = height - len(head) - len(uav) - len(sticks) - len(keys)
             if gap >= 0 and all(len(line.text) <= width for line in keys):
-                blanks = [TableLine("")] * 2 if gap >= 2 else [TableLine("")] * 0
+                blanks = [TableRow("")] * 2 if gap >= 2 else [TableRow("")] * 0
                 parts = (*head, *uav, *blanks[:1], *sticks, *blanks[1:], *keys)
-                return [TableLine(line.text[:width], line.style) for line in parts]
+                return [TableRow(line.text[:width], line.style) for line in parts]
     parts = (*head, *uav, *sticks, *_folded(help_text, width))
-    return [TableLine(line.text[:width], line.style) for line in parts[:height]]
+    return [TableRow(line.text[:width], line.style) for line in parts[:height]]
 
 
 _Row = tuple[str, str, str]
@@ -47,7 +47,7 @@ _FEW = ("state", "position", "battery", "telemetry", "flies", "done", "refused")
 _FEWEST = ("state", "done", "refused")
 
 
-def _named(rows: Sequence[_Row], names: Container[str] | None, most_lines: int, width: int) -> list[TableLine]:
+def _named(rows: Sequence[_Row], names: Container[str] | None, most_lines: int, width: int) -> list[TableRow]:
     """Returns the rows of some names as lines, each text in so many at most."""
     chosen = [row for row in rows if names is None or row[0] in names]
     return [line for name, text, style in chosen for line in _row(name, text, style, width, most_lines)]
@@ -122,22 +122,22 @@ def _refused(view: View) -> str:
     return f"{view.refusal.text} ({max(0.0, view.now_s - view.refusal.time_s):.0f} s ago)"
 
 
-def _row(name: str, text: str, style: str, width: int, most_lines: int) -> list[TableLine]:
+def _row(name: str, text: str, style: str, width: int, most_lines: int) -> list[TableRow]:
     """Returns a row, which goes on in further lines if the text is long."""
     first, *others = wrap(text, max(8, width - _NAME), max_lines=most_lines, placeholder=" …") or [""]
-    return [TableLine(f"{name:<{_NAME}}{first}", style), *(TableLine(f"{'':<{_NAME}}{each}", style) for each in others)]
+    return [TableRow(f"{name:<{_NAME}}{first}", style), *(TableRow(f"{'':<{_NAME}}{each}", style) for each in others)]
 
 
-def _keys(help_text: Sequence[tuple[str, str]], width: int) -> list[TableLine]:
+def _keys(help_text: Sequence[tuple[str, str]], width: int) -> list[TableRow]:
     """Returns the keys in two columns, the first half of them on the left."""
     cells = [f"{keys:<9} {text}" for keys, text in help_text]
     half = math.ceil(len(cells) / 2)
     left, right = cells[:half], [*cells[half:], ""]
     column = max([width // 2, *(len(cell) + 2 for cell in left)])
-    return [TableLine(f"{a:<{column}}{b}".rstrip(), "dim") for a, b in zip(left, right, strict=False)]
+    return [TableRow(f"{a:<{column}}{b}".rstrip(), "dim") for a, b in zip(left, right, strict=False)]
 
 
-def _folded(help_text: Sequence[tuple[str, str]], width: int) -> list[TableLine]:
+def _folded(help_text: Sequence[tuple[str, str]], width: int) -> list[TableRow]:
     """Returns the keys one after the other, where two columns have no room."""
     text = "; ".join(f"{' '.join(keys.split())}: {what}" for keys, what in help_text)
-    return [TableLine(line, "dim") for line in wrap(text, max(8, width))]
+    return [TableRow(line, "dim") for line in wrap(text, max(8, width))]

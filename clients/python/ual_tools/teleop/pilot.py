@@ -14,7 +14,7 @@ from ual_tools.teleop.actions import Action
 from ual_tools.teleop.speeds import FIRST_LEVEL, LEVELS, SpeedLevel
 from ual_tools.teleop.stepper import Stepper
 from ual_tools.teleop.sticks import CENTRED, Sticks
-from ual_tools.teleop.vehicle import ScreenLine, TeleopVehicle
+from ual_tools.teleop.vehicle import ScreenMessage, TeleopVehicle
 
 OLD_S = 1.0
 """With telemetry that is older than this, nobody sees what the UAV does: the sticks do nothing."""
@@ -50,8 +50,8 @@ class View:
     speeds: SpeedLevel
     is_headless: bool
     sticks: Sticks
-    done: ScreenLine
-    refusal: ScreenLine
+    done: ScreenMessage
+    refusal: ScreenMessage
     number: int = 1
     count: int = 1
     now_s: float = 0.0

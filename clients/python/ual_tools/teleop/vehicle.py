@@ -23,7 +23,7 @@ _IN_FLIGHT_S = 0.3
 
 
 @dataclass(frozen=True, slots=True)
-class ScreenLine:
+class ScreenMessage:
     """A line for the screen, and when it was said (monotonic)."""
 
     text: str = ""
@@ -45,9 +45,9 @@ class TeleopVehicle:
     ) -> None:
         self.info: Info | None = None
         self.telemetry: Telemetry | None = None
-        self.refusal = ScreenLine()
+        self.refusal = ScreenMessage()
         """The last refusal or failure."""
-        self.done = ScreenLine()
+        self.done = ScreenMessage()
         """Last action, or the present one."""
         self._name = name
         self._uav = uav
@@ -209,5 +209,5 @@ class TeleopVehicle:
         if not self._is_closed.is_set():
             self.refusal = self._said(f"{name}: {error.reason}: {' '.join(error.message.split())}")
 
-    def _said(self, text: str) -> ScreenLine:
-        return ScreenLine(text, self._clock())
+    def _said(self, text: str) -> ScreenMessage:
+        return ScreenMessage(text, self._clock())

@@ -14,7 +14,7 @@ _MOST_LATITUDE_DEG = 85.0511287798
 """Latitude in degrees at which the maps of the web end."""
 
 
-class EarthPlace(NamedTuple):
+class EarthPosition(NamedTuple):
     """A place on Earth, WGS 84."""
 
     latitude_deg: float
@@ -28,11 +28,16 @@ class Tile(NamedTuple):
     x: int
     y: int
 
-    def corners(self) -> tuple[EarthPlace, EarthPlace, EarthPlace, EarthPlace]:
+    def corners(self) -> tuple[EarthPosition, EarthPosition, EarthPosition, EarthPosition]:
         """Returns its corners: north-west, north-east, south-east, south-west."""
         west, east = (self._longitude_deg(x) for x in (self.x, self.x + 1))
         north, south = (self._latitude_deg(y) for y in (self.y, self.y + 1))
-        return EarthPlace(north, west), EarthPlace(north, east), EarthPlace(south, east), EarthPlace(south, west)
+        return (
+            EarthPosition(north, west),
+            EarthPosition(north, east),
+            EarthPosition(south, east),
+            EarthPosition(south, west),
+        )
 
     def _longitude_deg(self, x: int) -> float:
         return 360.0 * x / (1 << self.z) - 180.0
@@ -45,24 +50,24 @@ class Tile(NamedTuple):
 class Origin:
     """Position of `map`'s origin on Earth. East is x and north is y, as near to it as a UAV flies."""
 
-    place: EarthPlace
+    place: EarthPosition
 
     @classmethod
-    def of(cls, here: EarthPlace, in_map: Vector3) -> Origin:
+    def of(cls, here: EarthPosition, in_map: Vector3) -> Origin:
         """Returns the origin of a `map` in which this place is there."""
         return cls(Origin(here).place_at(Vector3(-in_map.x, -in_map.y, 0.0)))
 
-    def in_map(self, place: EarthPlace, z_m: float = 0.0) -> Vector3:
+    def in_map(self, place: EarthPosition, z_m: float = 0.0) -> Vector3:
         """Returns where a place is in `map`."""
         north_m, east_m = self._metres_per_degree()
         east_deg = math.remainder(place.longitude_deg - self.place.longitude_deg, 360.0)
         return Vector3(east_deg * east_m, (place.latitude_deg - self.place.latitude_deg) * north_m, z_m)
 
-    def place_at(self, in_map: Vector3) -> EarthPlace:
+    def place_at(self, in_map: Vector3) -> EarthPosition:
         """Returns which place is there in `map`."""
         north_m, east_m = self._metres_per_degree()
         longitude_deg = math.remainder(self.place.longitude_deg + in_map.x / east_m, 360.0)
-        return EarthPlace(self.place.latitude_deg + in_map.y / north_m, longitude_deg)
+        return EarthPosition(self.place.latitude_deg + in_map.y / north_m, longitude_deg)
 
     def _metres_per_degree(self) -> tuple[float, float]:
         """Returns how long a degree to the north and one to the east are here."""
@@ -73,7 +78,7 @@ class Origin:
         return math.radians(north_m), math.radians(east_m)
 
 
-def tile_at(place: EarthPlace, zoom: int) -> Tile:
+def tile_at(place: EarthPosition, zoom: int) -> Tile:
     """Returns the tile in which a place is."""
     count = 1 << zoom
     latitude_rad = math.radians(max(-_MOST_LATITUDE_DEG, min(_MOST_LATITUDE_DEG, place.latitude_deg)))
@@ -82,7 +87,7 @@ def tile_at(place: EarthPlace, zoom: int) -> Tile:
     return Tile(zoom, x % count, max(0, min(count - 1, y)))
 
 
-def tiles_around(place: EarthPlace, zoom: int, count: int) -> list[Tile]:
+def tiles_around(place: EarthPosition, zoom: int, count: int) -> list[Tile]:
     """Returns the tile of a place and those around it, the nearest first: `count` to each side."""
     middle, width = tile_at(place, zoom), 1 << zoom
     steps = sorted(

@@ -11,7 +11,7 @@ from ual.geometry import Pose, Transform, Vector3
 from ual.types import Frame
 from ual_tools.view.fleet import PageFleet
 from ual_tools.view.picture import Moment
-from ual_tools.view.scene import Line, SceneLines
+from ual_tools.view.scene import Line, SceneSegments
 
 _CORNERS = tuple(Vector3(1.0, y, z) for y, z in ((0.3, 0.2), (-0.3, 0.2), (-0.3, -0.2), (0.3, -0.2)))
 """Of its base, 1 m ahead of the gimbal."""
@@ -23,14 +23,14 @@ class PageGimbals:
     def __init__(self, scene: viser.SceneApi, fleet: PageFleet) -> None:
         self._scene = scene
         self._fleet = fleet
-        self._drawn: dict[str, SceneLines] = {}
+        self._drawn: dict[str, SceneSegments] = {}
 
     def update(self, moment: Moment) -> None:
         """Draws them as they are now."""
         found = self._found(moment) if self._fleet.wants_gimbals else {}
         for ns in found.keys() - self._drawn.keys():
             # Kept for good: viser remembers each path that was ever used.
-            self._drawn[ns] = SceneLines(self._scene, f"/gimbals/{len(self._drawn)}", moment.uavs[ns].mark)
+            self._drawn[ns] = SceneSegments(self._scene, f"/gimbals/{len(self._drawn)}", moment.uavs[ns].mark)
         for ns, drawn in self._drawn.items():
             drawn.draw(found.get(ns, []))
 

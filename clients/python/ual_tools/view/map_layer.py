@@ -15,8 +15,8 @@ from PIL import Image, UnidentifiedImageError
 
 from ual.geometry import Vector3
 from ual.shared.guard import WorkGuard
-from ual_tools import places
-from ual_tools.view.earth import EarthPlace, Origin, Tile, tiles_around
+from ual_tools import positions
+from ual_tools.view.earth import EarthPosition, Origin, Tile, tiles_around
 from ual_tools.view.journal import Journal
 from ual_tools.view.map_source import MapPicture, Tiles
 from ual_tools.view.scene import xyz
@@ -134,14 +134,14 @@ def origin_of(seen: Mapping[str, WatchedUav]) -> Origin | None:
     """Returns where `map` is on Earth, by the first UAV that tells both."""
     for each in seen.values():
         t = each.telemetry
-        place = None if t is None else places.position(t)
+        place = None if t is None else positions.position(t)
         if t is not None and place is not None and t.position_geo is not None:
-            return Origin.of(EarthPlace(t.position_geo.latitude_deg, t.position_geo.longitude_deg), place)
+            return Origin.of(EarthPosition(t.position_geo.latitude_deg, t.position_geo.longitude_deg), place)
     return None
 
 
 def _middle(seen: Mapping[str, WatchedUav]) -> Vector3 | None:
     """Returns the middle of all UAVs in `map`."""
     telemetry = (each.telemetry for each in seen.values())
-    found = [place for t in telemetry if t is not None and (place := places.position(t)) is not None]
+    found = [place for t in telemetry if t is not None and (place := positions.position(t)) is not None]
     return sum(found, Vector3()) * (1.0 / len(found)) if found else None

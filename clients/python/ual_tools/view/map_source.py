@@ -13,7 +13,7 @@ from pathlib import Path
 
 from ual.errors import InvalidArgumentError
 from ual.shared.numbers import parse_number
-from ual_tools.view.earth import EarthPlace, Tile
+from ual_tools.view.earth import EarthPosition, Tile
 
 ZOOM, MOST_ZOOM = 17, 22
 _LARGEST = 8 << 20
@@ -27,7 +27,7 @@ class MapPicture:
     """One picture, and where its corners are: upper left, upper right, lower right, lower left."""
 
     file: Path
-    corners: tuple[EarthPlace, ...]
+    corners: tuple[EarthPosition, ...]
 
 
 @dataclass(frozen=True)
@@ -80,11 +80,11 @@ def ground(
     return Tiles(tiles, zoom)
 
 
-def _place(text: str) -> EarthPlace:
+def _place(text: str) -> EarthPosition:
     try:
         latitude_deg, longitude_deg = map(parse_number, text.split(","))
     except ValueError:
         raise InvalidArgumentError(f"--map-corners {text}: LAT,LON in degrees", {"field": "map_corners"}) from None
     if not (-90.0 <= latitude_deg <= 90.0 and -180.0 <= longitude_deg <= 180.0):
         raise InvalidArgumentError(f"--map-corners {text}: no place on Earth", {"field": "map_corners"})
-    return EarthPlace(latitude_deg, longitude_deg)
+    return EarthPosition(latitude_deg, longitude_deg)

@@ -15,7 +15,7 @@ from ual.cameras import OPTICAL, CameraIntrinsics, Image
 from ual.geometry import Pose, Transform, Vector3
 from ual_tools.view.fleet import PageFleet
 from ual_tools.view.picture import Moment
-from ual_tools.view.scene import Line, SceneLines, wxyz, xyz
+from ual_tools.view.scene import Line, SceneSegments, wxyz, xyz
 from ual_tools.view.shown import Shown
 from ual_tools.view.taken import NewestPicture, Taken
 
@@ -56,7 +56,7 @@ class _OfUav:
         self._scene = scene
         self._path = path
         self._colour = uav.mark
-        self._places = SceneLines(scene, f"{path}/places", uav.mark)
+        self._places = SceneSegments(scene, f"{path}/places", uav.mark)
         self._shown: tuple[NewestPicture, Transform] | None = None
         self._frustum: viser.CameraFrustumHandle | None = None
 

@@ -191,8 +191,8 @@ class Marks:
 
     def __init__(self, scene: viser.SceneApi, path: str, colour: Colour) -> None:
         self._root = scene.add_frame(path, show_axes=False)
-        self._trail = SceneLines(scene, f"{path}/trail", colour)
-        self._way = SceneLines(scene, f"{path}/way", _ORANGE)
+        self._trail = SceneSegments(scene, f"{path}/trail", colour)
+        self._way = SceneSegments(scene, f"{path}/way", _ORANGE)
         self._count = 0
 
     def update(self, uav: Shown, trail: list[Line], way: Sequence[Vector3], most: int) -> None:
@@ -248,7 +248,7 @@ def below(uav: Shown, place: Vector3) -> Vector3:
     return Vector3(place.x, place.y, 0.0 if uav.odom is None else uav.odom.translation.z)
 
 
-class SceneLines:
+class SceneSegments:
     """Lines of one colour, which are sent only when they have changed."""
 
     def __init__(self, scene: viser.SceneApi, path: str, colour: Colour) -> None:

@@ -11,7 +11,7 @@ from datetime import datetime, timezone
 
 from ual.geometry import Pose, Transform
 from ual.types import State, Telemetry
-from ual_tools import condition, places
+from ual_tools import condition, positions
 from ual_tools.condition import UavCondition, Urgency, problem
 from ual_tools.output import running_text
 from ual_tools.view.palette import Colour
@@ -89,7 +89,7 @@ def shown(
     how = UavCondition(Urgency.ALARM, "LOST", lost, lost) if lost else condition.of_seen(seen, now_s, math.inf)
     if telemetry is None:
         return Shown(ns, f"{ns}: {lost or 'no telemetry yet'}", GREY, how, mark=mark)
-    body, odom = places.body(telemetry), places.odom(telemetry)
+    body, odom = positions.body(telemetry), positions.odom(telemetry)
     if lost:
         return Shown(ns, f"{ns}: {lost}", GREY, how, mark=mark, age_s=age_s, body=body, odom=odom)
     return Shown(
@@ -105,7 +105,7 @@ def shown(
         is_armed=telemetry.armed,
         is_flying=telemetry.state in _FLYING,
         body=body,
-        reference=places.reference(telemetry),
+        reference=positions.reference(telemetry),
         odom=odom,
         height_m=None if telemetry.odometry is None else telemetry.odometry.pose.position.z,
         speed_m_s=None if telemetry.velocity is None else telemetry.velocity.linear.norm(),

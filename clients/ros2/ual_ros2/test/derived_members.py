@@ -249,47 +249,47 @@ MEMBERS: Final[Mapping[tuple[str, str], Member]] = {
 }
 
 
-class BesideMembers(ual.interface.Uav):
+class ServiceMembers(ual.interface.Uav):
     """A UAV with its services beside flying."""
 
-    _beside: Any
+    _services: Any
 
     @property
     def parameters(self) -> ual.interface.Parameters:
-        found: ual.interface.Parameters = self._beside.parameters
+        found: ual.interface.Parameters = self._services.parameters
         return found
 
     @property
     def mission(self) -> ual.interface.Mission:
-        found: ual.interface.Mission = self._beside.mission
+        found: ual.interface.Mission = self._services.mission
         return found
 
     @property
     def cameras(self) -> ual.interface.Cameras:
-        found: ual.interface.Cameras = self._beside.cameras
+        found: ual.interface.Cameras = self._services.cameras
         return found
 
     @property
     def gimbals(self) -> ual.interface.Gimbals:
-        found: ual.interface.Gimbals = self._beside.gimbals
+        found: ual.interface.Gimbals = self._services.gimbals
         return found
 
     @property
     def corrections(self) -> ual.interface.Corrections:
-        found: ual.interface.Corrections = self._beside.corrections
+        found: ual.interface.Corrections = self._services.corrections
         return found
 
     @property
     def fence(self) -> ual.interface.Fence:
-        found: ual.interface.Fence = self._beside.fence
+        found: ual.interface.Fence = self._services.fence
         return found
 
     @property
     def gripper(self) -> ual.interface.Gripper:
-        found: ual.interface.Gripper = self._beside.gripper
+        found: ual.interface.Gripper = self._services.gripper
         return found
 
     @property
     def logs(self) -> ual.interface.Logs:
-        found: ual.interface.Logs = self._beside.logs
+        found: ual.interface.Logs = self._services.logs
         return found

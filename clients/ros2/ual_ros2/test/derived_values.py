@@ -38,9 +38,9 @@ import ual.missions.plan
 import ual.parameters.values
 import ual.types
 from ual_ros2 import values
-from ual_ros2.beside.fields import Fields, name_of, point_stamped, read_geo_point, vector
 from ual_ros2.derived.values import fault_fields, mission_item_fields, read_fence_zone, read_rally_point
 from ual_ros2.messages import Message
+from ual_ros2.services.fields import Fields, name_of, point_stamped, read_geo_point, vector
 
 
 def geo_waypoint_fields(value: ual.types.GeoWaypoint) -> Fields:

@@ -11,7 +11,7 @@ from ual.cameras import OPTICAL, CameraIntrinsics
 from ual.gimbals import AngleRange
 from ual.parameters.values import ParameterType
 from ual_ros2 import naming, values
-from ual_ros2.beside.fields import MIB, Fields, Stamp, quaternion, vector
+from ual_ros2.services.fields import MIB, Fields, Stamp, quaternion, vector
 
 _OF_UAL = {"height": "height_m", "pitch": "pitch_rad"}
 """Fields that the checks ask for, by their names in ROS."""

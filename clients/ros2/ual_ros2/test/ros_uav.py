@@ -1,7 +1,7 @@
 """A `ual.interface.Uav` that knows its UAV by ROS only: by services, actions and topics of the node, and by tf.
 
 What ROS has nothing for raises `InexpressibleError`. One thing is not ROS' part and is given: the time of the simulated
-world. `ros_beside` has the services beside flying.
+world. `ros_services` has the other services.
 """
 
 from __future__ import annotations
@@ -11,8 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import fields as fields_of
 from typing import Any, NoReturn
 
-from asked import LatchedTopics
-from derived_members import BesideMembers
+from derived_members import ServiceMembers
 from derived_values import (
     ask_add_frame,
     ask_follow_path,
@@ -27,7 +26,8 @@ from derived_values import (
 from flying import Client, waited
 from inexpressible import InexpressibleError
 from reading import error_of
-from ros_beside import Asking, Beside
+from ros_requests import LatchedTopics
+from ros_services import Asking, ServicesOverRos
 from ros_setpoints import Setpoints
 from ros_tasks import ActionGoal, RosTask, info_of
 from std_srvs.srv import Trigger
@@ -51,7 +51,7 @@ from ual.types import (
     TaskRequest,
 )
 from ual_ros2 import values
-from ual_ros2.beside.fields import Fields
+from ual_ros2.services.fields import Fields
 
 TASKS: Mapping[type, tuple[str, Any, Any, Callable[..., Fields]]] = {
     TakeOffRequest: ("take_off", srv.TakeOff, action.TakeOff, ask_take_off),
@@ -74,14 +74,14 @@ def inexpressible(member: str) -> NoReturn:
     raise InexpressibleError(member)
 
 
-class RosUav(BesideMembers):
+class RosUav(ServiceMembers):
     """One UAV of a node."""
 
     def __init__(self, client: Client, ns: str, now_s: Callable[[], float], *, is_simulated: bool = True) -> None:
         self._client = client
         self._ns = ns
         self._asking = Asking(client, ns, self._call, self._trigger)
-        self._beside = Beside(self._asking, self._fly_mission)
+        self._services = ServicesOverRos(self._asking, self._fly_mission)
         self._is_simulated = is_simulated
         self._now_s = now_s
         self._told = Told(client, ns)
@@ -119,7 +119,7 @@ class RosUav(BesideMembers):
     def simulation(self) -> Simulation:
         if not self._is_simulated:
             raise ual.NotSupportedError("the services of a simulation are not there")
-        found: Simulation = self._beside.simulation
+        found: Simulation = self._services.simulation
         return found
 
     # --- Commands -----------------------------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ import pytest
 from conftest import ROS_ONLY, Processes, own_client, own_processes
 from flying import CANCELED, Client, waited
 from reading import error_of
-from ros_beside import Asking, Part
+from ros_services import Asking, Part
 from ual_msgs import action, srv
 
 import ual

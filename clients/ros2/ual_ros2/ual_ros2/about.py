@@ -12,12 +12,12 @@ from ual_msgs.msg import Geofence, GeoPosition, Info, Lease, Refusal
 import ual
 from ual.shared.waiting import ends_within
 from ual_ros2 import routes, topics
-from ual_ros2.beside.fields import Fields, Stamp, key_values
-from ual_ros2.beside.filling import Filling
 from ual_ros2.derived.values import geo_position_fields, geofence_fields, info_fields, lease_fields
 from ual_ros2.messages import Entity, Message
 from ual_ros2.refusals import Refusals
 from ual_ros2.ros_time import RosTime
+from ual_ros2.services.fields import Fields, Stamp, key_values
+from ual_ros2.services.filling import Filling
 
 LOOK_S = 1.0
 """Seconds between two questions to the daemon for subscribed data. The way is asked for at each new task, too."""

@@ -13,10 +13,10 @@ from ual.cameras import CameraAbility, ImageKind
 from ual.cameras import CameraInfo as Described
 from ual.cameras import Image as Picture
 from ual_ros2 import pictures, topics
-from ual_ros2.beside.fields import Stamp
-from ual_ros2.beside.filling import Filling
 from ual_ros2.messages import Entity
 from ual_ros2.ros_time import RosTime
+from ual_ros2.services.fields import Stamp
+from ual_ros2.services.filling import Filling
 
 _log = logging.getLogger(__name__)
 

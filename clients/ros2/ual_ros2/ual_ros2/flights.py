@@ -10,13 +10,13 @@ from ual_msgs import srv
 
 import ual
 from ual_ros2 import paths, routes, values
-from ual_ros2.beside.fields import Fields
-from ual_ros2.beside.filling import Filling
 from ual_ros2.command import ActionCommand, Flyer, RosCommand, Serves, Service
 from ual_ros2.derived.calls import CALLS, FLIGHTS
 from ual_ros2.derived.services import FLYING, TASKS
 from ual_ros2.derived.values import plan_fields, task_fields
 from ual_ros2.messages import Message
+from ual_ros2.services.fields import Fields
+from ual_ros2.services.filling import Filling
 
 _FILLING = Filling()
 

@@ -18,7 +18,6 @@ import ual
 from ual.shared.ages import without_seconds
 from ual_ros2 import outcome, senders, topics, values
 from ual_ros2.about import About
-from ual_ros2.beside.everything import UavServices
 from ual_ros2.cameras import RosCameras
 from ual_ros2.command import ActionCommand, RosCommand
 from ual_ros2.contact import DaemonContact
@@ -26,13 +25,14 @@ from ual_ros2.flights import ACTIONS, SERVICES
 from ual_ros2.frames import Frames, Tf
 from ual_ros2.goals import ActionGoals
 from ual_ros2.health import ConnectionReport
+from ual_ros2.late_service import LateService
 from ual_ros2.lateness import BEAT_S, COMMAND_S, SETPOINT_S, LatenessCheck, ProgramPulse, steady_s
 from ual_ros2.listener import TopicListener
 from ual_ros2.messages import Entity, Message
 from ual_ros2.outcome import Before, CommandOutcome, CommandRun
 from ual_ros2.ros_time import RosTime
-from ual_ros2.services import LateService
-from ual_ros2.setpoints import Given, Newest, Setpoint, send_given
+from ual_ros2.services.uav_services import UavServices
+from ual_ros2.setpoints import Newest, Setpoint, TopicValue, send_given
 from ual_ros2.settings import NodeSettings
 
 _log = logging.getLogger(__name__)
@@ -98,9 +98,9 @@ class UavInterface:
         )
         self._about = About(shared.node, self._loop, self._uav, ns, shared.time)
         sending = partial(send_given, self._uav, self)
-        self._setpoints: Newest[Given] = Newest(self._loop, sending, self._on_refusal)
-        self._external_poses: Newest[Given] = Newest(self._loop, sending, self._on_refusal)
-        self._beside = UavServices(shared.node, self._loop, settings, shared.time, self._uav, ns, self._serve)
+        self._setpoints: Newest[TopicValue] = Newest(self._loop, sending, self._on_refusal)
+        self._external_poses: Newest[TopicValue] = Newest(self._loop, sending, self._on_refusal)
+        self._uav_services = UavServices(shared.node, self._loop, settings, shared.time, self._uav, ns, self._serve)
         self._make_inputs()
 
     # --- For the node: on ROS' executor -------------------------------------------------------------------------------
@@ -122,7 +122,7 @@ class UavInterface:
         rate_hz = self._shared.settings.feedback_rate_hz
         self._goals = [
             ActionGoals(node, self._loop, f"{prefix}/{each.name}", each, self, rate_hz)
-            for each in (*ACTIONS, *self._beside.actions)
+            for each in (*ACTIONS, *self._uav_services.actions)
         ]
 
     def _subscribe(self, kind: Entity, name: str, callback: Entity) -> Entity:
@@ -145,7 +145,7 @@ class UavInterface:
         self._topics.destroy()
         self._cameras.destroy()
         self._about.destroy()
-        self._beside.destroy()
+        self._uav_services.destroy()
 
     def _on_input(self, name: str, callback: Entity, message: Message, info: Mapping[str, int]) -> None:
         if not self._is_active:
@@ -185,8 +185,8 @@ class UavInterface:
         self._put(self._external_poses, "external_pose_cov", measured)
 
     @staticmethod
-    def _put(stream: Newest[Given], topic: str, value: Setpoint) -> None:
-        stream.put(Given(topic, value, steady_s()))
+    def _put(stream: Newest[TopicValue], topic: str, value: Setpoint) -> None:
+        stream.put(TopicValue(topic, value, steady_s()))
 
     def _serve(self, command: RosCommand, request: Message, sent_s: float) -> Future[Message]:
         return self._run(self._answered(command, request, sent_s))
@@ -206,7 +206,7 @@ class UavInterface:
         works = [self._watch(), self._check(), self._follow_frames(), self._frames.feed(), self._cameras.follow()]
         works += [self._about.follow(), self._about.follow_route()]
         works.append(self._beat())
-        works += self._beside.works()
+        works += self._uav_services.works()
         if self._shared.settings.lease_holder is not None:
             self._not_leased = ual.LeaseLostError("the node has not acquired its lease yet", {"by": "nothing"})
             works.append(self._acquire())
@@ -322,7 +322,7 @@ class UavInterface:
         """Gives the daemon a frame that only tf knows."""
         await self._frames.provide((frame_id,))
 
-    def _on_refusal(self, given: Given, error: ual.UalError) -> None:
+    def _on_refusal(self, given: TopicValue, error: ual.UalError) -> None:
         """A topic has no answer: so its refusal is told in `refusals`, in the diagnostics, and once in the log."""
         self._refuse(given.topic, error)
 
@@ -378,7 +378,7 @@ class UavInterface:
             try:
                 info = await self._uav.info()
                 self._has_safety_pilot = info.has_safety_pilot
-                await self._beside.on_connected(info)
+                await self._uav_services.on_connected(info)
                 async with self._uav.subscribe(rate_hz) as self._samples:
                     async for sample in self._samples:
                         self._on_sample(sample)

@@ -9,7 +9,7 @@ import array
 
 import ual
 from ual.cameras import OPTICAL, CameraInfo, Image, ImageFormat, Photo
-from ual_ros2.beside.fields import Fields, Stamp, pose_stamped
+from ual_ros2.services.fields import Fields, Stamp, pose_stamped
 from ual_ros2.values import known
 
 _FORMATS = {ImageFormat.PNG: "png", ImageFormat.JPEG: "jpeg"}

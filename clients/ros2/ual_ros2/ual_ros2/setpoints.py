@@ -73,7 +73,7 @@ class Newest(Generic[T]):
             self._on_refusal(value, ual.UalError(f"the node failed: {error!r}"))
 
 
-class Given(NamedTuple):
+class TopicValue(NamedTuple):
     """Value from a topic, and its time of arrival (`steady_s`)."""
 
     topic: str
@@ -98,7 +98,9 @@ class Flying(Protocol):
         ...
 
 
-async def send_given(uav: ual.aio.Uav, flying: Flying, given: Given, clock: Callable[[], float] = steady_s) -> None:
+async def send_given(
+    uav: ual.aio.Uav, flying: Flying, given: TopicValue, clock: Callable[[], float] = steady_s
+) -> None:
     """Sends what came on a topic, unless the node is not active any more.
 
     Raises:

@@ -27,7 +27,7 @@ from ual_daemon.backends.airsim.fetching import Fetched
 from ual_daemon.backends.airsim.pictures import AirsimPicture, CameraProjection, CameraState, data_of, intrinsics_of
 from ual_daemon.backends.airsim.state import Rotation, Vector
 from ual_daemon.backends.airsim.trail import LONGEST_GAP_S, Trail
-from ual_daemon.backends.offers.cameras import OfferedCameras
+from ual_daemon.backends.offers.cameras import CameraDrivers
 
 BOTTOM, BACK = OF_EACH_MULTIROTOR.index("bottom_center"), OF_EACH_MULTIROTOR.index("back_center")
 
@@ -57,7 +57,7 @@ def uav(server: AirsimServer) -> Iterator[UAL]:
 
 
 def offer_of(uav: UAL) -> AirsimCameras:
-    found = uav.vehicle.offer(OfferedCameras)  # type: ignore[type-abstract]
+    found = uav.vehicle.offer(CameraDrivers)  # type: ignore[type-abstract]
     assert isinstance(found, AirsimCameras)
     return found
 
@@ -372,7 +372,7 @@ class Shots:
 
 
 def camera_of(shots: Shots) -> AirsimCamera:
-    place = cameras.LocalFramePlace(0, None)
+    place = cameras.LocalFrameOrigin(0, None)
     return AirsimCamera(0, NamedCamera("front"), shots.fetch, Trail(), lambda: place, lambda: "")
 
 
@@ -418,9 +418,9 @@ def test_an_orientation_that_is_none_has_no_place() -> None:
     trail.add(0.0, Pose())
     shots = Shots()
     camera = AirsimCamera(
-        0, NamedCamera("front"), shots.fetch, trail, lambda: cameras.LocalFramePlace(0, None), lambda: ""
+        0, NamedCamera("front"), shots.fetch, trail, lambda: cameras.LocalFrameOrigin(0, None), lambda: ""
     )
     assert (
-        camera._viewpoint(cameras.LocalFramePlace(0, None), 0.0, Pose(Vector3(), Quaternion(0.0, 0.0, 0.0, 0.0))).body
+        camera._viewpoint(cameras.LocalFrameOrigin(0, None), 0.0, Pose(Vector3(), Quaternion(0.0, 0.0, 0.0, 0.0))).body
         is None
     )

@@ -10,7 +10,7 @@ import pytest
 from tests.simulators.crazyflie import REST_Z_M, Crazyflie, Supervisor
 from tests.simulators.faults import BadLink, Faults
 from tests.simulators.ports import MemoryPort
-from tests.ual_daemon.backends.crazyflie.flown import LIMITS, Flown, place
+from tests.ual_daemon.backends.crazyflie.flights import LIMITS, Flown, place
 from ual.errors import RejectedByAutopilotError
 from ual.geometry import Pose, Quaternion, Vector3
 from ual.types import State

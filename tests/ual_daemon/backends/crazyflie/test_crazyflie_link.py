@@ -11,7 +11,7 @@ import pytest
 from tests.simulators.crazyflie import Crazyflie, Supervisor
 from tests.simulators.faults import Faults
 from tests.simulators.ports import MemoryPort
-from tests.ual_daemon.backends.crazyflie.flown import Flown, place
+from tests.ual_daemon.backends.crazyflie.flights import Flown, place
 from ual.types import State
 from ual_daemon.backends.crazyflie.packets import LOG, PARAMETER, RESET_LOG, WRITE_CHANNEL, CrtpPacket
 from ual_daemon.frames.home_file import HomeFile

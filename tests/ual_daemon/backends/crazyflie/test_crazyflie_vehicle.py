@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from tests.simulators.crazyflie import REST_Z_M, Supervisor
-from tests.ual_daemon.backends.crazyflie.flown_vehicle import FlownVehicle
+from tests.ual_daemon.backends.crazyflie.simulated_crazyflie import SimulatedCrazyflie
 from ual.geometry import Pose, Vector3
 from ual.types import LandRequest, State, TakeOffRequest
 from ual_daemon.backends.crazyflie.ground import DEEPER_M, KnownGround
@@ -16,7 +16,7 @@ from ual_daemon.backends.values import Control, ExternalPose
 
 @pytest.mark.parametrize("daemon", ["the same", "restarted", "restarted as it is lifted"])
 def test_motors_stay_off_in_the_hand_that_lifts_it_soon_after_its_landing(tmp_path: Path, daemon: str) -> None:
-    flown = FlownVehicle(tmp_path)
+    flown = SimulatedCrazyflie(tmp_path)
     flown.take_off(0.5)
     flown.land()
     flown.run(0.2)
@@ -41,7 +41,7 @@ def test_a_landing_after_a_jump_of_the_position_stops_the_motors_on_the_ground(
     tmp_path: Path, jump_m: Vector3, has_seen_ground: bool
 ) -> None:
     """As a source of poses does that has moved its origin: the ground moves with it."""
-    flown = FlownVehicle(tmp_path)
+    flown = SimulatedCrazyflie(tmp_path)
     flown.take_off(1.5)
     if not has_seen_ground:
         flown.restart_daemon()
@@ -59,7 +59,7 @@ def test_a_landing_after_a_jump_of_the_position_stops_the_motors_on_the_ground(
 
 
 def test_a_source_that_moves_slowly_makes_the_ground_unknown(tmp_path: Path) -> None:
-    flown = FlownVehicle(tmp_path)
+    flown = SimulatedCrazyflie(tmp_path)
     flown.take_off(0.5)
     here = Vector3(*flown.crazyflie.place)
     assert flown.session.telemetry.ground.landing_z_m(here) == pytest.approx(REST_Z_M, abs=0.01)
@@ -80,7 +80,7 @@ def test_a_source_of_poses_in_the_default_frame_that_moves_is_followed_and_set_h
     tmp_path: Path, is_in_air: bool
 ) -> None:
     """Its own move makes home lost, and nothing else tells the UAV where it is."""
-    flown = FlownVehicle(tmp_path)
+    flown = SimulatedCrazyflie(tmp_path)
     flown.crazyflie.has_positioning = False
     flown.measure_outside()
     flown.run(0.5)
@@ -107,7 +107,7 @@ def test_a_firmware_that_has_booted_in_flight_stays_down_and_was_not_flown_by_ot
     tmp_path: Path, deck: str, hover_s: float, silent_s: float, *, arms_itself: bool
 ) -> None:
     """It has fallen, out of a hover of its own or out of setpoints, and may take off again."""
-    flown = FlownVehicle(tmp_path, deck, arms_itself=arms_itself)
+    flown = SimulatedCrazyflie(tmp_path, deck, arms_itself=arms_itself)
     if not arms_itself:
         flown.arm()
     flown.take_off(1.0)
@@ -128,7 +128,7 @@ def test_a_firmware_that_has_booted_in_flight_stays_down_and_was_not_flown_by_ot
 
 
 def test_a_daemon_that_ends_has_told_that_setpoints_stop_also_if_most_of_that_is_lost(tmp_path: Path) -> None:
-    flown = FlownVehicle(tmp_path)
+    flown = SimulatedCrazyflie(tmp_path)
     flown.take_off(1.0)
     flown.begin_go_to(Pose.at(8.0, 0.0, 1.0))
     flown.run(1.5)
@@ -140,7 +140,7 @@ def test_a_daemon_that_ends_has_told_that_setpoints_stop_also_if_most_of_that_is
 
 
 def test_an_end_out_of_a_motion_takes_a_second(tmp_path: Path) -> None:
-    flown = FlownVehicle(tmp_path)
+    flown = SimulatedCrazyflie(tmp_path)
     flown.take_off(1.0)
     flown.begin_go_to(Pose.at(8.0, 0.0, 1.0))
     flown.run(1.5)
@@ -150,7 +150,7 @@ def test_an_end_out_of_a_motion_takes_a_second(tmp_path: Path) -> None:
 
 
 def test_an_abort_and_a_landing_do_not_wait_for_the_notifications(tmp_path: Path) -> None:
-    flown = FlownVehicle(tmp_path)
+    flown = SimulatedCrazyflie(tmp_path)
     flown.take_off(1.0)
     flown.begin_go_to(Pose.at(8.0, 0.0, 1.0))
     flown.run(1.5)
@@ -165,7 +165,7 @@ def test_an_abort_and_a_landing_do_not_wait_for_the_notifications(tmp_path: Path
 
 
 def test_a_take_off_and_a_landing_go_on_where_their_caller_has_gone_and_no_pilot_could_end_them(tmp_path: Path) -> None:
-    flown = FlownVehicle(tmp_path)
+    flown = SimulatedCrazyflie(tmp_path)
     commands = flown.vehicle.commands
     take_off = commands.prepare(TakeOffRequest(1.0)).begin()
     flown.until(lambda: flown.state is State.TAKING_OFF)
@@ -178,7 +178,7 @@ def test_a_take_off_and_a_landing_go_on_where_their_caller_has_gone_and_no_pilot
     assert flown.state is State.LANDED_ARMED
 
 
-def _control(flown: FlownVehicle) -> Control:
+def _control(flown: SimulatedCrazyflie) -> Control:
     mode = flown.backend.snapshot().control.mode
     assert mode is not None
     return mode.value.control

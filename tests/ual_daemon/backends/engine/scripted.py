@@ -22,7 +22,7 @@ from ual_daemon.backends.engine.command import (
     shows_armed,
     shows_mode,
 )
-from ual_daemon.backends.engine.command_desk import CommandDesk
+from ual_daemon.backends.engine.command_entrance import CommandEntrance
 from ual_daemon.backends.engine.command_runner import CommandRunner
 from ual_daemon.backends.engine.limits import CATCH_UP_S, OWN_MODE_S, SETPOINTS_WAIT_S, SILENT_S
 from ual_daemon.backends.engine.link_watch import LinkWatch
@@ -279,7 +279,7 @@ class Scripted:
             hindrance=lambda: "the bridge is late" if self.judge.is_held_up else "",
         )
         self.loop = Loop(self, self.clock, self.watch, self.updates.append)
-        self.desk: CommandDesk[str] = CommandDesk(self.loop, self.clock, self._reach)
+        self.desk: CommandEntrance[str] = CommandEntrance(self.loop, self.clock, self._reach)
 
     # --- What the loop drives ---
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from ual_daemon.backends.engine.agreement import LAPSE_S, SETTLED_S, Agreement, FlightSeen
+from ual_daemon.backends.engine.agreement import LAPSE_S, SETTLED_S, Agreement, AirborneWatch
 from ual_daemon.backends.values import LandedState, Sample
 
 
@@ -75,7 +75,7 @@ def test_a_verdict_whose_samples_have_ended_gives_way() -> None:
 
 
 def test_a_flight_ends_on_the_ground_after_a_while_and_with_its_data() -> None:
-    seen, armed = FlightSeen(), Sample(value=True, time_s=10.0)
+    seen, armed = AirborneWatch(), Sample(value=True, time_s=10.0)
     seen.update(armed, Sample(LandedState.IN_AIR, 10.0), 10.0)
     seen.update(armed, Sample(LandedState.ON_GROUND, 10.1), 10.1)  # one sample ends none
     assert seen.is_flying(10.9)

@@ -16,7 +16,7 @@ from ual.errors import UalError
 from ual.types import State, Telemetry
 from ual_daemon.backends.dji.gimbals import DjiGimbal
 from ual_daemon.backends.light.camera import LightCameras
-from ual_daemon.backends.mavlink.offers import reach as mavlink_reach
+from ual_daemon.backends.mavlink.offers import protocol_access as mavlink_reach
 from ual_daemon.backends.mavlink.protocols.cameras import CameraProtocol
 from ual_daemon.backends.mavlink.protocols.gimbals import GimbalProtocol
 from ual_daemon.backends.mavros.offers.services import Services

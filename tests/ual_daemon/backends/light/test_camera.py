@@ -28,7 +28,7 @@ from ual_daemon.backends.light.painter import Painter
 from ual_daemon.backends.light.png import encode
 from ual_daemon.backends.light.scene import Marker, PaintedScene, PaintOrder
 from ual_daemon.backends.light.settings import ARUCO_0, LightCameraSettings, LightMarkerSettings
-from ual_daemon.backends.offers.cameras import OfferedCamera, OfferedCameras
+from ual_daemon.backends.offers.cameras import CameraDriver, CameraDrivers
 from ual_daemon.backends.values import PositionSetpoint, VelocitySetpoint
 from ual_daemon.settings import ConfigError, convert
 
@@ -178,12 +178,12 @@ def test_a_picture_of_many_blocks_is_one_picture() -> None:
 
 
 def cameras_of(drone: Drone) -> camera.LightCameras:
-    found = drone.backend.offer(OfferedCameras)  # type: ignore[type-abstract]
+    found = drone.backend.offer(CameraDrivers)  # type: ignore[type-abstract]
     assert isinstance(found, camera.LightCameras)
     return found
 
 
-def camera_of(drone: Drone) -> OfferedCamera:
+def camera_of(drone: Drone) -> CameraDriver:
     return cameras_of(drone).all()[0]
 
 

@@ -17,7 +17,7 @@ from ual.gimbals import GimbalAngles, GimbalControl, GimbalReference
 from ual.simulation import LinkLost
 from ual_daemon.backends.light.gimbal import GimbalMoment, LightGimbal
 from ual_daemon.backends.light.settings import LightGimbalSettings, LightSettings
-from ual_daemon.backends.offers.cameras import OfferedCameras
+from ual_daemon.backends.offers.cameras import CameraDrivers
 from ual_daemon.settings import ConfigError, convert
 
 HORIZON, EARTH = GimbalReference.HORIZON, GimbalReference.EARTH
@@ -123,7 +123,7 @@ def test_a_camera_on_a_gimbal_looks_where_that_looks() -> None:
     }
     drone = Drone(cameras=[camera_on_it], gimbals=[{"position": [0.0, 0.0, -0.2], "speed_rad_s": 100.0}])
     gimbal = drone.backend._gimbals.gimbals[0]
-    cameras = drone.backend.offer(OfferedCameras)  # type: ignore[type-abstract]
+    cameras = drone.backend.offer(CameraDrivers)  # type: ignore[type-abstract]
     assert cameras is not None
     (camera,) = cameras.all()
     photos = []

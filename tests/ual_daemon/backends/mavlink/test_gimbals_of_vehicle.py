@@ -19,7 +19,7 @@ from ual.gimbals import GimbalAbility, GimbalAngles, GimbalControl, GimbalRefere
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.mavlink import MavlinkBackend
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
-from ual_daemon.backends.offers.gimbals import OfferedGimbal, OfferedGimbals
+from ual_daemon.backends.offers.gimbals import GimbalDriver, GimbalDrivers
 
 TURN, CONFIGURE = mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW, mavlink.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE
 DOWN = GimbalAngles(0.0, 0.5, 0.25)
@@ -54,8 +54,8 @@ def information(device_id: int) -> Message:
     return mavlink.MAVLink_gimbal_manager_information_message(0, flags, device_id, 0.0, 0.0, -1.0, 0.5, -1.0, 1.0)
 
 
-def found(backend: MavlinkBackend) -> OfferedGimbal:
-    offer = backend.offer(OfferedGimbals)  # type: ignore[type-abstract]
+def found(backend: MavlinkBackend) -> GimbalDriver:
+    offer = backend.offer(GimbalDrivers)  # type: ignore[type-abstract]
     assert offer is not None
     until(lambda: len(offer.all()) == 1, "the gimbal")
     return offer.all()[0]
@@ -116,7 +116,7 @@ def test_messages_of_another_system_are_not_taken(pair: Pair) -> None:
 
 def test_without_an_autopilot_there_are_none_and_an_order_is_refused() -> None:
     backend = MavlinkBackend(BackendOptions("uav_1", "udpin://127.0.0.1:9"))
-    offer = backend.offer(OfferedGimbals)  # type: ignore[type-abstract]
+    offer = backend.offer(GimbalDrivers)  # type: ignore[type-abstract]
     assert offer is not None
     assert offer.all() == []
 
@@ -131,7 +131,7 @@ def test_an_autopilot_that_is_lost_ends_the_orders(pair: Pair) -> None:
         gimbal.move_to_neutral().result(LIMIT_S)
 
 
-def is_up(gimbal: OfferedGimbal) -> bool:
+def is_up(gimbal: GimbalDriver) -> bool:
     """Returns whether an order reaches the autopilot; it is withdrawn."""
     ordered = gimbal.move_to_neutral()
     is_refused = ordered.done() and ordered.exception() is not None

@@ -18,7 +18,7 @@ from ual_daemon.backends.firmwares.gripper_codec import ANSWER_S, UNSENT_S
 from ual_daemon.backends.futures import OpenFutures
 from ual_daemon.backends.mavlink.dialects.command_long import LongCommand
 from ual_daemon.backends.mavlink.offers.gripper import MavlinkGripper
-from ual_daemon.backends.mavlink.offers.reach import Orders, ProtocolAccess
+from ual_daemon.backends.mavlink.offers.protocol_access import Orders, ProtocolAccess
 from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
 from ual_daemon.backends.mavlink.session.session import MavlinkSession

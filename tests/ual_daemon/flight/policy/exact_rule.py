@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from ual.geometry import Vector3
 from ual.types import Limits
-from ual_daemon.flight.policy.reach import REACTION_S
+from ual_daemon.flight.policy.reachable_points import REACTION_S
 from ual_daemon.frames.fence import Fence
 from ual_daemon.trajectory import Brake, Motion, acceleration_limit
 

@@ -29,7 +29,7 @@ from ual_daemon.backends.values import (
     Zone,
 )
 from ual_daemon.flight.policy.geofence import GeofencePolicy
-from ual_daemon.flight.policy.reach import reach
+from ual_daemon.flight.policy.reachable_points import reach
 from ual_daemon.flight.state import Estimate
 from ual_daemon.frames.fence import Fence
 from ual_daemon.frames.resolver import FrameResolver

@@ -13,8 +13,8 @@ from ual.network.keys import publisher as publisher_of
 from ual.network.settings import NetworkSettings
 from ual.types import Telemetry
 from ual_daemon.program.network import setup
+from ual_daemon.program.network.announcement import UavAnnouncement
 from ual_daemon.program.network.publisher import Publisher
-from ual_daemon.program.network.told import UavAnnouncement
 from ual_daemon.server.addresses import parse
 from ual_daemon.settings import ConfigError
 

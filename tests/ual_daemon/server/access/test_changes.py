@@ -11,7 +11,7 @@ import grpc
 import grpc.aio
 import pytest
 
-from tests.ual_daemon.server.access.ways_in import Served, beyond_loopback, make_files, served, ways
+from tests.ual_daemon.server.access.entrances import Served, beyond_loopback, make_files, served, ways
 from tests.waiting import LIMIT_S
 from ual.access import tokens
 from ual.shared import whole_file

@@ -17,18 +17,18 @@ from ual_daemon.backends.engine.command import ONCE
 from ual_daemon.backends.firmwares.trigger_camera import TRIGGER_DISTANCE
 from ual_daemon.backends.mavlink.dialects.command_long import LongCommand, command_of
 from ual_daemon.backends.mavlink.offers.http_pictures import FetchedPicture, HttpPictures
-from ual_daemon.backends.mavlink.offers.reach import ProtocolAccess
+from ual_daemon.backends.mavlink.offers.protocol_access import ProtocolAccess
 from ual_daemon.backends.mavlink.protocols.camera_link import CameraLink
 from ual_daemon.backends.mavlink.protocols.camera_values import MODE_NUMBERS
 from ual_daemon.backends.mavlink.wire.messages import mavlink
-from ual_daemon.backends.offers.cameras import EncodedImage, OfferedCamera, OfferedCameras, TakenPhoto
+from ual_daemon.backends.offers.cameras import CameraDriver, CameraDrivers, EncodedImage, TakenPhoto
 
 T = TypeVar("T")
 
 _PHOTO = {"field": "photo"}
 
 
-class MavlinkCamera(OfferedCamera):
+class MavlinkCamera(CameraDriver):
     """One camera.
 
     Args:
@@ -158,7 +158,7 @@ def _is_for(intrinsics: CameraIntrinsics, found: FetchedPicture) -> bool:
     return (intrinsics.width_px, intrinsics.height_px) == (found.width_px, found.height_px)
 
 
-class MavlinkCameras(OfferedCameras):
+class MavlinkCameras(CameraDrivers):
     """The cameras of one backend; see `MavlinkCamera`. `found` returns those that were found; `trigger` comes first."""
 
     def __init__(
@@ -167,7 +167,7 @@ class MavlinkCameras(OfferedCameras):
         now_s: Callable[[], float],
         reach: ProtocolAccess,
         pictures: HttpPictures,
-        trigger: OfferedCamera | None = None,
+        trigger: CameraDriver | None = None,
     ) -> None:
         self._first = [] if trigger is None else [trigger]
         self._found = found
@@ -176,6 +176,6 @@ class MavlinkCameras(OfferedCameras):
         self._pictures = pictures
 
     @override
-    def all(self) -> Sequence[OfferedCamera]:
+    def all(self) -> Sequence[CameraDriver]:
         found = [MavlinkCamera(link, self._now_s, self._reach, self._pictures) for link in self._found()]
         return [*self._first, *found]

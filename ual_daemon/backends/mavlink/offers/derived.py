@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ual_daemon.backends.mavlink.offers import gripper
-from ual_daemon.backends.mavlink.offers.reach import Orders
+from ual_daemon.backends.mavlink.offers.protocol_access import Orders
 
 
 def offers(orders: Orders) -> tuple[object, ...]:

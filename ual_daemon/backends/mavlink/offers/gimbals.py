@@ -10,12 +10,12 @@ from typing_extensions import override
 from ual.errors import UalError
 from ual.geometry import Vector3
 from ual.gimbals import GimbalAngles, GimbalControl, GimbalInfo, GimbalReference
-from ual_daemon.backends.mavlink.offers.reach import ProtocolAccess
+from ual_daemon.backends.mavlink.offers.protocol_access import ProtocolAccess
 from ual_daemon.backends.mavlink.protocols.gimbal_link import GimbalLink
-from ual_daemon.backends.offers.gimbals import GimbalAttitude, OfferedGimbal, OfferedGimbals
+from ual_daemon.backends.offers.gimbals import GimbalAttitude, GimbalDriver, GimbalDrivers
 
 
-class MavlinkGimbal(OfferedGimbal):
+class MavlinkGimbal(GimbalDriver):
     """One gimbal.
 
     Args:
@@ -85,7 +85,7 @@ class MavlinkGimbal(OfferedGimbal):
         return self._reach.give(what, lambda _, future: begin(future))
 
 
-class MavlinkGimbals(OfferedGimbals):
+class MavlinkGimbals(GimbalDrivers):
     """The gimbals of one backend; see `MavlinkGimbal`. `found` returns those that were found."""
 
     def __init__(
@@ -96,5 +96,5 @@ class MavlinkGimbals(OfferedGimbals):
         self._reach = reach
 
     @override
-    def all(self) -> Sequence[OfferedGimbal]:
+    def all(self) -> Sequence[GimbalDriver]:
         return [MavlinkGimbal(link, self._now_s, self._reach) for link in self._found()]

@@ -15,7 +15,7 @@ from ual_daemon.backends import futures
 from ual_daemon.backends.firmwares.gripper_codec import GRIPPER, GripperCodec, PayloadOrder, ordered
 from ual_daemon.backends.firmwares.gripper_orders import OrderedGripper
 from ual_daemon.backends.mavlink.dialects.command_long import command_of, request_message
-from ual_daemon.backends.mavlink.offers.reach import Orders
+from ual_daemon.backends.mavlink.offers.protocol_access import Orders
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.backends.payload import PayloadMessage
 

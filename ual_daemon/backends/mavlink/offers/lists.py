@@ -11,10 +11,10 @@ from ual.missions.plan import MissionStage
 from ual.types import GeoPoint
 from ual_daemon.backends.firmwares.item_lists import ItemLists
 from ual_daemon.backends.firmwares.listed_fence import KnownAutopilot, ListedFence
-from ual_daemon.backends.firmwares.listed_missions import HeardMission, ListedMissions, MissionAccess
+from ual_daemon.backends.firmwares.listed_missions import ListedMissions, MissionAccess, ReceivedMission
 from ual_daemon.backends.firmwares.mission_items import Difference, MissionItem, MissionList, MissionType
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
-from ual_daemon.backends.mavlink.offers.reach import ProtocolAccess
+from ual_daemon.backends.mavlink.offers.protocol_access import ProtocolAccess
 from ual_daemon.backends.mavlink.protocols.protocols import Protocols
 from ual_daemon.backends.offers.parameters import AutopilotParameters, Refusal
 
@@ -67,14 +67,14 @@ def missions_of(
         session = reach.session()
         return None if session is None else session.dialect
 
-    def heard() -> HeardMission | None:
+    def heard() -> ReceivedMission | None:
         session = reach.session()
         found = None if session is None else session.mission_heard
         if found is None:
             return None
         stage = _STAGES.get(found.state, MissionStage.UNKNOWN)
         reached = found.reached, found.reached_s
-        return HeardMission(stage, found.seq, found.time_s, found.mission_id, *reached, found.changes)
+        return ReceivedMission(stage, found.seq, found.time_s, found.mission_id, *reached, found.changes)
 
     def choose(seq: int, shown_by: frozenset[int], refusal: Refusal) -> Future[None]:
         def begin(protocols: Protocols, future: Future[None]) -> None:

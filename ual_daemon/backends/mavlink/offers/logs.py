@@ -17,7 +17,7 @@ from ual.errors import InvalidArgumentError, UalError
 from ual.logs.values import Log
 from ual_daemon.backends import futures
 from ual_daemon.backends.mavlink.offers.files import has_files
-from ual_daemon.backends.mavlink.offers.reach import ProtocolAccess
+from ual_daemon.backends.mavlink.offers.protocol_access import ProtocolAccess
 from ual_daemon.backends.mavlink.protocols.ftp import DirectoryEntry, Ftp, Steps
 from ual_daemon.backends.mavlink.protocols.ftp_packet import FtpNakError, Nak
 from ual_daemon.backends.mavlink.protocols.log_transfers import LogEntry

@@ -16,7 +16,7 @@ from ual_daemon.backends import futures
 from ual_daemon.backends.mavlink.dialects.parameter_files import packed_list
 from ual_daemon.backends.mavlink.offers.files import has_files
 from ual_daemon.backends.mavlink.offers.parameter_descriptions import ParameterDescriptions
-from ual_daemon.backends.mavlink.offers.reach import ProtocolAccess
+from ual_daemon.backends.mavlink.offers.protocol_access import ProtocolAccess
 from ual_daemon.backends.mavlink.protocols.parameter_transfers import ParameterTransfers
 from ual_daemon.backends.mavlink.protocols.protocols import Protocols
 from ual_daemon.backends.offers.parameters import AutopilotParameters, Refusal

@@ -41,7 +41,7 @@ _STREAM = mavlink.MAVLINK_MSG_ID_VIDEO_STREAM_INFORMATION
 _GOES_ON = (mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_IN_PROGRESS)
 
 
-class CameraLine(NamedTuple):
+class CameraSender(NamedTuple):
     """Line to one camera: it sends a command, its parameters, and the number of attempts before. `name` is for
     people.
     """
@@ -64,7 +64,7 @@ class CameraLine(NamedTuple):
 class CameraExchange(Exchange[T]):
     """An exchange with one camera."""
 
-    def __init__(self, future: Future[T], line: CameraLine) -> None:
+    def __init__(self, future: Future[T], line: CameraSender) -> None:
         super().__init__(future)
         self._line = line
         self._tries_count = 0
@@ -83,7 +83,7 @@ class CameraExchange(Exchange[T]):
 class CameraOrder(CameraExchange[None]):
     """Has the camera do something, and ends once it has said that it does, or has done so."""
 
-    def __init__(self, future: Future[None], line: CameraLine, command_id: int, params: Sequence[float]) -> None:
+    def __init__(self, future: Future[None], line: CameraSender, command_id: int, params: Sequence[float]) -> None:
         super().__init__(future, line)
         self.command_id = command_id
         self._params = params
@@ -142,7 +142,7 @@ class Shooting(CameraExchange[TakenPhoto]):
     """
 
     def __init__(
-        self, future: Future[TakenPhoto], line: CameraLine, sequence: int, ask: Callable[[int], object]
+        self, future: Future[TakenPhoto], line: CameraSender, sequence: int, ask: Callable[[int], object]
     ) -> None:
         super().__init__(future, line)
         self._ordering: Future[None] = Future()
@@ -203,7 +203,7 @@ class MessageRequests(CameraExchange[None]):
     """Requests messages, one after the other. What the camera refuses is left out; so is what is `optional`."""
 
     def __init__(
-        self, future: Future[None], line: CameraLine, message_ids: Sequence[int], optional: frozenset[int]
+        self, future: Future[None], line: CameraSender, message_ids: Sequence[int], optional: frozenset[int]
     ) -> None:
         super().__init__(future, line)
         self._left = list(message_ids)
@@ -256,7 +256,7 @@ class MessageRequests(CameraExchange[None]):
 class StreamListing(CameraExchange[list[VideoStream]]):
     """Lists the video streams: all at once, and then those that are missing."""
 
-    def __init__(self, future: Future[list[VideoStream]], line: CameraLine) -> None:
+    def __init__(self, future: Future[list[VideoStream]], line: CameraSender) -> None:
         super().__init__(future, line)
         self._found: dict[int, VideoStream] = {}
         self._count: int | None = None

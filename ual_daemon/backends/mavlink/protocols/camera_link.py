@@ -20,8 +20,8 @@ from ual_daemon.backends.engine.photo_log import PhotoLog
 from ual_daemon.backends.mavlink.protocols import camera_values
 from ual_daemon.backends.mavlink.protocols.camera_exchanges import (
     CameraExchange,
-    CameraLine,
     CameraOrder,
+    CameraSender,
     MessageRequests,
     Shooting,
     StreamListing,
@@ -92,7 +92,7 @@ class CameraLink:
         self._send = send
         self._look = look
         self._carried = carried
-        self._line = CameraLine(self._command, f"camera {number}")
+        self._line = CameraSender(self._command, f"camera {number}")
         self._reported = ReportedPhotos(
             lambda index, before_count: self._line.request(
                 mavlink.MAVLINK_MSG_ID_CAMERA_IMAGE_CAPTURED, float(index), is_older=before_count % 2 == 1
@@ -299,7 +299,7 @@ class CameraLink:
             self._next_identity_s, self._identity_count = now_s + DOUBT_S, min(self._identity_count, 1)
             return
         _log.info("%s: %s", f"camera {self.number}", identity.name)
-        self._line = CameraLine(self._command, self.name)
+        self._line = CameraSender(self._command, self.name)
 
     def _on_photo(self, message: Message, now_s: float, utc_now_s: float) -> None:
         if not self._reported.is_new(message.image_index, message.time_boot_ms, now_s):

@@ -34,14 +34,14 @@ ASK_S = 10.0
 _BASELINES = (mavlink.MAVLINK_MSG_ID_GPS_RTK, mavlink.MAVLINK_MSG_ID_GPS2_RTK)
 
 
-class SeenCorrections(NamedTuple):
+class CorrectionsAge(NamedTuple):
     """Seconds since the last message left, to 0.1 s, and the distance from the base station; None where not known."""
 
     age_s: float | None = None
     baseline_m: float | None = None
 
 
-NO_CORRECTIONS = SeenCorrections()
+NO_CORRECTIONS = CorrectionsAge()
 
 
 class CorrectionsInjection(Protocol):
@@ -112,12 +112,12 @@ class CorrectionsInjection(Protocol):
         parts_mm = message.baseline_a_mm, message.baseline_b_mm, message.baseline_c_mm
         self._baseline.on_components(*parts_mm, now_s)
 
-    def seen(self, now_s: float) -> SeenCorrections:
+    def seen(self, now_s: float) -> CorrectionsAge:
         """Returns what telemetry has of them."""
         left_s = self.counts.left_s
         if left_s is None and not self._baseline.has_come:
             return NO_CORRECTIONS
-        return SeenCorrections(None if left_s is None else round(now_s - left_s, 1), self._baseline.fresh_m(now_s))
+        return CorrectionsAge(None if left_s is None else round(now_s - left_s, 1), self._baseline.fresh_m(now_s))
 
     def _next_message(self) -> bool:
         message = self._waiting.take()

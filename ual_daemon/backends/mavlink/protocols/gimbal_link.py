@@ -13,7 +13,7 @@ from ual.gimbals import GimbalAbility, GimbalAngles, GimbalControl, GimbalInfo, 
 from ual_daemon.backends.engine.agreement import Agreement
 from ual_daemon.backends.firmwares import gimbal_protocol
 from ual_daemon.backends.firmwares.gimbal_protocol import GimbalIdentity
-from ual_daemon.backends.mavlink.protocols.camera_exchanges import CameraLine, CameraOrder
+from ual_daemon.backends.mavlink.protocols.camera_exchanges import CameraOrder, CameraSender
 from ual_daemon.backends.mavlink.protocols.gimbal_values import aiming, identity_of
 from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
@@ -41,7 +41,7 @@ _TURN, _CONFIGURE = mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW, mavlink.MAV_CMD_
 _UNCHANGED, _RELEASE = -1.0, -3.0
 
 
-class GimbalLine(NamedTuple):
+class GimbalSender(NamedTuple):
     """Line to the manager of a gimbal.
 
     Attributes:
@@ -67,7 +67,7 @@ class GimbalLink:
     """
 
     def __init__(
-        self, number: int, manager: MessageSource, device_id: int, line: GimbalLine, *, is_kind_known: bool = True
+        self, number: int, manager: MessageSource, device_id: int, line: GimbalSender, *, is_kind_known: bool = True
     ) -> None:
         self.number = number
         self.manager = manager
@@ -199,7 +199,7 @@ class GimbalLink:
         self._add(_CONFIGURE, self._configuration(primary), future)
 
     def _add(self, command_id: int, params: Sequence[float], future: Future[None]) -> None:
-        line = CameraLine(self._command, self.name)
+        line = CameraSender(self._command, self.name)
         replaced = self._next.pop(command_id, None)
         if replaced is not None:
             replaced.fail(TaskAbortedError(f"a newer order to {self.name} has replaced this one"))

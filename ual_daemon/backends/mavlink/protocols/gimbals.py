@@ -23,7 +23,7 @@ from ual_daemon.backends.mavlink.dialects.command_long import (
     set_message_interval,
 )
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
-from ual_daemon.backends.mavlink.protocols.gimbal_link import GimbalLine, GimbalLink
+from ual_daemon.backends.mavlink.protocols.gimbal_link import GimbalLink, GimbalSender
 from ual_daemon.backends.mavlink.protocols.protocol import Handler, Protocol
 from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
@@ -230,7 +230,7 @@ class GimbalProtocol(Protocol):
                 self._request(source, request_message(_INFORMATION), now_s)
 
     def _add(self, source: MessageSource, device_id: int) -> GimbalLink:
-        line = GimbalLine(
+        line = GimbalSender(
             self._means.send,
             self._means.send_perishable,
             partial(self._stream, source),

@@ -19,7 +19,7 @@ from ual_daemon.backends.mavlink.protocols.mission_exchange import (
     PAUSE_S,
     MissionExchange,
 )
-from ual_daemon.backends.mavlink.protocols.mission_line import MissionLine, item_of
+from ual_daemon.backends.mavlink.protocols.mission_sender import MissionSender, item_of
 from ual_daemon.backends.mavlink.wire.messages import Message
 
 MOST_ITEMS = 3000
@@ -37,7 +37,7 @@ station ArduPilot refuses a download, and what that has brought is to be known w
 class MissionDownload(MissionExchange[MissionList]):
     """Downloads a list of up to so many items."""
 
-    def __init__(self, future: Future[MissionList], line: MissionLine, most_items: int = MOST_ITEMS) -> None:
+    def __init__(self, future: Future[MissionList], line: MissionSender, most_items: int = MOST_ITEMS) -> None:
         super().__init__(future, line)
         self._most_items = most_items
         self._count: int | None = None

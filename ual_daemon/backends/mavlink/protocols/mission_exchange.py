@@ -15,7 +15,7 @@ from typing_extensions import override
 from ual.errors import LinkLostError, RejectedByAutopilotError, UalError, UalTimeoutError
 from ual_daemon.backends.firmwares.mission_items import refusal_text
 from ual_daemon.backends.mavlink.protocols.exchange import Exchange
-from ual_daemon.backends.mavlink.protocols.mission_line import MissionLine
+from ual_daemon.backends.mavlink.protocols.mission_sender import MissionSender
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
 T = TypeVar("T")
@@ -63,7 +63,7 @@ class MissionTaker(Exchange[T]):
 class MissionExchange(MissionTaker[T]):
     """One transfer, or another request about a list."""
 
-    def __init__(self, future: Future[T], line: MissionLine) -> None:
+    def __init__(self, future: Future[T], line: MissionSender) -> None:
         super().__init__(future)
         self._line = line
         self._began_s: float | None = None

@@ -13,7 +13,7 @@ from ual_daemon.backends.firmwares.item_lists import WRITES_COUNT, kept_otherwis
 from ual_daemon.backends.firmwares.mission_items import Difference, MissionItem, MissionList, refusal_text
 from ual_daemon.backends.mavlink.protocols.mission_download import MissionDownload
 from ual_daemon.backends.mavlink.protocols.mission_exchange import ACCEPTED, MissionTaker
-from ual_daemon.backends.mavlink.protocols.mission_line import MissionLine
+from ual_daemon.backends.mavlink.protocols.mission_sender import MissionSender
 from ual_daemon.backends.mavlink.protocols.mission_upload import MissionChange, MissionClear, MissionUpload
 from ual_daemon.backends.mavlink.wire.messages import Message
 from ual_daemon.backends.offers.parameters import Refusal
@@ -28,7 +28,7 @@ class MissionReplacement(MissionTaker[MissionList]):
     def __init__(
         self,
         future: Future[MissionList],
-        line: MissionLine,
+        line: MissionSender,
         items: Sequence[MissionItem],
         refusal: Refusal,
         differs: Difference,

@@ -15,8 +15,8 @@ from ual_daemon.backends.firmwares.mission_items import Difference, MissionItem,
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.protocols.mission_download import MOST_ITEMS, MissionDownload
 from ual_daemon.backends.mavlink.protocols.mission_exchange import MissionTaker
-from ual_daemon.backends.mavlink.protocols.mission_line import MissionLine
 from ual_daemon.backends.mavlink.protocols.mission_replacement import MissionReplacement
+from ual_daemon.backends.mavlink.protocols.mission_sender import MissionSender
 from ual_daemon.backends.mavlink.protocols.protocol import Handler, Protocol
 from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
@@ -119,7 +119,7 @@ class MissionTransfers(Protocol):
         self,
         kind: MissionType,
         future: Future[MissionList],
-        make: Callable[[MissionLine], MissionTaker[Any]],
+        make: Callable[[MissionSender], MissionTaker[Any]],
         *,
         changes: bool,
     ) -> None:
@@ -132,7 +132,7 @@ class MissionTransfers(Protocol):
             text = f"{MOST_WAITING} transfers with the autopilot wait already, which is the limit"
             futures.fail(future, ResourceExhaustedError(text, {"limit": str(MOST_WAITING)}))
         else:
-            line = MissionLine(self._send, self._is_up, self._target, kind)
+            line = MissionSender(self._send, self._is_up, self._target, kind)
             self._waiting.append(_TransferRequest(kind, make(line), changes))
 
     def _next(self) -> None:

@@ -21,7 +21,7 @@ from ual_daemon.backends.mavlink.protocols.mission_exchange import (
     PASSING,
     MissionExchange,
 )
-from ual_daemon.backends.mavlink.protocols.mission_line import MissionLine
+from ual_daemon.backends.mavlink.protocols.mission_sender import MissionSender
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.offers.missions import UNCHANGED
 from ual_daemon.backends.offers.parameters import Refusal
@@ -37,7 +37,7 @@ class MissionChange(MissionExchange[int]):
     Any other result may be of a message that was repeated, so that the list has to be read back.
     """
 
-    def __init__(self, future: Future[int], line: MissionLine, refusal: Refusal) -> None:
+    def __init__(self, future: Future[int], line: MissionSender, refusal: Refusal) -> None:
         super().__init__(future, line)
         self._refusal = refusal
         self._is_begun = False
@@ -107,7 +107,9 @@ class MissionClear(MissionChange):
 class MissionUpload(MissionChange):
     """Uploads items, at least one."""
 
-    def __init__(self, future: Future[int], line: MissionLine, items: Sequence[MissionItem], refusal: Refusal) -> None:
+    def __init__(
+        self, future: Future[int], line: MissionSender, items: Sequence[MissionItem], refusal: Refusal
+    ) -> None:
         super().__init__(future, line, refusal)
         self._items = items
         self._at: int | None = None

@@ -6,7 +6,7 @@ import logging
 import math
 
 from ual_daemon import logs
-from ual_daemon.backends.engine.agreement import Agreement, FlightSeen
+from ual_daemon.backends.engine.agreement import Agreement, AirborneWatch
 from ual_daemon.backends.mavlink.dialects.detection import HeartbeatKind, kind_text
 from ual_daemon.backends.mavlink.links import Address
 
@@ -41,7 +41,7 @@ class VehicleIdentity:
     it says why, human-readable. During a `flight` a conflict is only told (`doubt`).
     """
 
-    def __init__(self, system_id: int, kind: HeartbeatKind, flight: FlightSeen) -> None:
+    def __init__(self, system_id: int, kind: HeartbeatKind, flight: AirborneWatch) -> None:
         self.conflict = self.doubt = ""
         self._flight = flight
         self._is_calm = False

@@ -11,7 +11,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 from ual_daemon import logs
-from ual_daemon.backends.engine.agreement import FlightSeen
+from ual_daemon.backends.engine.agreement import AirborneWatch
 from ual_daemon.backends.engine.command import FLYING, Verdict
 from ual_daemon.backends.engine.command_runner import CommandContext, CommandRunner
 from ual_daemon.backends.engine.limits import ANEW_S
@@ -128,7 +128,7 @@ class MavlinkSession:
         self.source = source
         self.system_id = source.system_id
         self.dialect = dialect
-        flight = FlightSeen()
+        flight = AirborneWatch()
         self.identity = VehicleIdentity(self.system_id, kind, flight)
         self.successor: Successor | None = None
         """The vehicle that this one has turned out to be, or that has taken its place; None if neither."""

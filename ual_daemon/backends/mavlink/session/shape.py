@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 
 from ual_daemon import logs
-from ual_daemon.backends.engine.agreement import Agreement, FlightSeen
+from ual_daemon.backends.engine.agreement import Agreement, AirborneWatch
 from ual_daemon.backends.firmwares.autopilot import NO_PARAMETERS
 from ual_daemon.backends.firmwares.numbers import VtolState
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
@@ -28,7 +28,7 @@ class Shape:
     of the session.
     """
 
-    def __init__(self, as_said: Dialect, flight: FlightSeen, read: Callable[[str], None]) -> None:
+    def __init__(self, as_said: Dialect, flight: AirborneWatch, read: Callable[[str], None]) -> None:
         self.read = read
         self.flight = flight
         self._is_calm = False

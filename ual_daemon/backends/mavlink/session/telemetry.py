@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import Battery, GeoPoint, GpsFix, GpsInfo, Health
-from ual_daemon.backends.engine.agreement import Agreement, FlightSeen
+from ual_daemon.backends.engine.agreement import Agreement, AirborneWatch
 from ual_daemon.backends.engine.boot_time import has_wrapped
 from ual_daemon.backends.engine.clock_offset import ClockOffset
 from ual_daemon.backends.engine.plausibility import Plausibility
@@ -21,7 +21,7 @@ from ual_daemon.backends.firmwares.home_watch import HomeWatch
 from ual_daemon.backends.firmwares.local_origin import LocalOrigin
 from ual_daemon.backends.mavlink.dialects.axes import frd_to_flu, ned_to_enu, orientation_to_enu
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
-from ual_daemon.backends.mavlink.protocols.corrections_injection import NO_CORRECTIONS, SeenCorrections
+from ual_daemon.backends.mavlink.protocols.corrections_injection import NO_CORRECTIONS, CorrectionsAge
 from ual_daemon.backends.mavlink.session.conversions import (
     battery,
     battery_status,
@@ -73,7 +73,7 @@ class AutopilotTelemetry:
     `now_s` is the backend's clock, `utc_now_s` the same moment as UTC.
     """
 
-    def __init__(self, dialect: Dialect, boots_count: int = 1, flight: FlightSeen | None = None) -> None:
+    def __init__(self, dialect: Dialect, boots_count: int = 1, flight: AirborneWatch | None = None) -> None:
         self._dialect = dialect
         self._boots_count = boots_count
         self.mode_names = ModeNames(dialect)
@@ -113,7 +113,7 @@ class AutopilotTelemetry:
         self._versions: Agreement[tuple[object, ...]] | None = None
         self.is_version_doubtful = False
         """Whether the version has come once, or another one since, so that it should be requested again."""
-        self.flight = flight or FlightSeen()
+        self.flight = flight or AirborneWatch()
         self.is_hardware_in_the_loop = False
         self.conflict = ""
         """See `ual_daemon.backends.values.LinkState`."""
@@ -260,7 +260,7 @@ class AutopilotTelemetry:
         updated_s: float = math.inf,
         scheduling_gap: str = "",
         refused: str = "",
-        corrections: SeenCorrections = NO_CORRECTIONS,
+        corrections: CorrectionsAge = NO_CORRECTIONS,
         severe_texts: tuple[SevereText, ...] = (),
         aids: str = "",
     ) -> Snapshot:

@@ -24,7 +24,7 @@ from ual_daemon.backends.engine.photo_log import PhotoLog
 from ual_daemon.backends.firmwares.gripper_codec import PayloadOrder
 from ual_daemon.backends.firmwares.trigger_camera import NAME, Give, Order, TriggerCamera
 from ual_daemon.backends.firmwares.triggered_photos import TriggeredPhotos
-from ual_daemon.backends.offers.cameras import OfferedCamera, OfferedCameras, TakenPhoto, Viewpoint
+from ual_daemon.backends.offers.cameras import CameraDriver, CameraDrivers, TakenPhoto, Viewpoint
 from ual_daemon.backends.values import Snapshot
 
 _log = logging.getLogger(__name__)
@@ -67,7 +67,7 @@ class _ByDistance(NamedTuple):
     boots_count: int
 
 
-class AcknowledgedCamera(OfferedCamera):
+class AcknowledgedCamera(CameraDriver):
     """A picture counts once the autopilot has acknowledged that it has triggered. `step` is for the link's thread."""
 
     def __init__(self, order: Order, means: CameraServices) -> None:
@@ -149,7 +149,7 @@ class AcknowledgedCamera(OfferedCamera):
         self._due.take(due_count)
 
 
-class MavrosCameras(OfferedCameras):
+class MavrosCameras(CameraDrivers):
     """The cameras of one backend: none, or that of the autopilot. `tick` and `trigger` are for the link's thread."""
 
     def __init__(self, means: CameraServices, *, is_there: bool) -> None:
@@ -163,7 +163,7 @@ class MavrosCameras(OfferedCameras):
         self._boots_count = 0
 
     @override
-    def all(self) -> Sequence[OfferedCamera]:
+    def all(self) -> Sequence[CameraDriver]:
         if not self._is_there:
             return []
         return [self._reported if self._means.tells_photos() else self._acknowledged]

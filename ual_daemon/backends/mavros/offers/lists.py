@@ -23,7 +23,7 @@ from ual_daemon.backends.firmwares.item_lists import (
 )
 from ual_daemon.backends.firmwares.mission_items import Difference, MissionItem, MissionList, MissionType
 from ual_daemon.backends.mavros import topics
-from ual_daemon.backends.mavros.missions import HeardList, MissionTopics, waypoint_of
+from ual_daemon.backends.mavros.missions import MissionTopics, ReceivedList, waypoint_of
 from ual_daemon.backends.mavros.offers.services import BUSY_S, Services
 from ual_daemon.backends.mavros.session import MavrosSession
 from ual_daemon.backends.offers.parameters import Refusal, UndecidedError
@@ -128,7 +128,7 @@ class MavrosLists(ItemLists):
         pause = self._services.pause(SHOWN_S)
         return then_wait(pause, lambda _: self._shown(shown_by, before_count, looks_count - 1, otherwise))
 
-    def _heard(self, kind: MissionType) -> HeardList:
+    def _heard(self, kind: MissionType) -> ReceivedList:
         return self._topics().lists[kind]
 
     def _topics(self) -> MissionTopics:

@@ -13,7 +13,6 @@ import ual.aio
 import ual.cameras
 import ual.gimbals
 from ual_ros2 import paths, values
-from ual_ros2.beside.fields import Fields, named, names_of
 from ual_ros2.command import Flies, Flyer, Serves
 from ual_ros2.derived.values import (
     camera_fields,
@@ -29,6 +28,7 @@ from ual_ros2.derived.values import (
     video_stream_fields,
 )
 from ual_ros2.messages import Message
+from ual_ros2.services.fields import Fields, named, names_of
 
 
 async def list_frames(uav: ual.aio.Uav, _: Message) -> Fields:

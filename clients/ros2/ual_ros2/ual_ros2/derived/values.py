@@ -20,7 +20,8 @@ import ual.parameters.values
 import ual.simulation
 import ual.types
 from ual_ros2 import pictures, values
-from ual_ros2.beside.fields import (
+from ual_ros2.messages import Message
+from ual_ros2.services.fields import (
     Fields,
     angle_range,
     geo_point_fields,
@@ -39,7 +40,6 @@ from ual_ros2.beside.fields import (
     transform,
     vector,
 )
-from ual_ros2.messages import Message
 
 
 def geo_position_fields(value: ual.types.Telemetry) -> Fields:

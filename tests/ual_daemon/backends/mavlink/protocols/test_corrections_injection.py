@@ -200,7 +200,7 @@ PIECE_BYTES = 12 + 182
 HOURS = 6
 
 
-class SlowLine:
+class SlowSerialLink:
     """A serial line: what is written leaves byte by byte."""
 
     def __init__(self) -> None:
@@ -223,7 +223,7 @@ class SlowLine:
 
 def test_six_hours_keep_memory_flat_and_no_setpoint_waits_for_more_than_the_piece_that_leaves() -> None:
     """A base of 1 kB/s, a slow line. A setpoint that comes while a piece leaves waits for that, and for no second."""
-    line, framer = SlowLine(), RtcmFramer()
+    line, framer = SlowSerialLink(), RtcmFramer()
     injection = CorrectionsInjection(line.send, lambda _: True, lambda: line.unsent == 0.0)
     injection.attach(MessageSource(1, 1), Px4())
     of_a_second = b"".join(messages([250, 150, 200, 60, 340]))

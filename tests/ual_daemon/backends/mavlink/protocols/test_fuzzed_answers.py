@@ -33,11 +33,11 @@ from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.offers.lists import MavlinkLists, fence_of, missions_of
 from ual_daemon.backends.mavlink.offers.parameters import MavlinkParameters
-from ual_daemon.backends.mavlink.offers.reach import ProtocolAccess
+from ual_daemon.backends.mavlink.offers.protocol_access import ProtocolAccess
 from ual_daemon.backends.mavlink.protocols.cameras import MESSAGE_IDS
 from ual_daemon.backends.mavlink.protocols.mission_exchange import LONGEST_S
-from ual_daemon.backends.mavlink.protocols.mission_line import item_of
 from ual_daemon.backends.mavlink.protocols.mission_progress import MissionProgressProtocol
+from ual_daemon.backends.mavlink.protocols.mission_sender import item_of
 from ual_daemon.backends.mavlink.protocols.mission_transfers import MissionTransfers
 from ual_daemon.backends.mavlink.wire.frames import MavlinkFrame, MessageSource, split
 from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
@@ -175,7 +175,7 @@ class FuzzedLink(BadLink):
         self.progress.tick(self.now_s)
 
 
-class FuzzedReach:
+class FuzzedAccess:
     """As `ProtocolAccess`, in one thread. Keeps what each list was that was believed."""
 
     def __init__(self, link: FuzzedLink) -> None:
@@ -212,7 +212,7 @@ def ended(link: FuzzedLink, futures: list[Future[Any]]) -> list[Any]:
 @pytest.mark.parametrize("kind", ["px4", "ardupilot"])
 def test_whatever_is_answered_no_list_is_believed_that_did_not_come(kind: str) -> None:
     link = FuzzedLink(kind, seed=len(kind), share=0.3)
-    reach = FuzzedReach(link)
+    reach = FuzzedAccess(link)
     to_link = cast("ProtocolAccess", reach)
     lists = MavlinkLists(to_link)
     missions = missions_of(to_link, lists, MavlinkParameters(to_link), Future, lambda: GeoPoint(47.0, 8.0, 500.0))

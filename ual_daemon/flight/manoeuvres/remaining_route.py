@@ -1,0 +1,54 @@
+"""Checks that the rest of a way stays inside a geofence that has changed, a part at each update."""
+
+from __future__ import annotations
+
+from itertools import islice
+
+from ual.types import Limits
+from ual_daemon.backends.values import Snapshot
+from ual_daemon.flight.manoeuvres.course import CourseProgress
+from ual_daemon.flight.policy.geofence import GeofencePolicy
+from ual_daemon.frames.fence import Exit
+from ual_daemon.tracker.references import measured_motion
+
+_AT_ONCE = 40
+"""Points that are checked at each update, the next ones first: 2 ms at most. They are farther ahead than any stop
+takes.
+"""
+
+
+class RemainingRoute:
+    """Rest of one route that is still to be checked."""
+
+    def __init__(
+        self, what: str, flown: CourseProgress, limits: Limits, geofence: GeofencePolicy, snapshot: Snapshot
+    ) -> None:
+        """Raises `WrongStateError` if it is not known where the geofence lies."""
+        self._what, self._geofence = what, geofence
+        self._fence = geofence.fence(snapshot)
+        here = measured_motion(snapshot).position
+        self._points = geofence.outline(flown.trajectory, flown.time_s, here, limits, snapshot)
+        self._last = next(self._points)
+        self.is_over = False
+        """Whether all of it was checked."""
+
+    def require_inside(self, snapshot: Snapshot) -> None:
+        """Checks the next part.
+
+        Raises:
+            GeofenceError: It leads out of the geofence.
+
+        """
+        found = self._exit()
+        if found is not None:
+            self.is_over = True
+            raise self._geofence.exit_error(self._what, found, snapshot)
+
+    def _exit(self) -> Exit | None:
+        if not self._fence.is_inside(self._last):  # whether it comes in, only all of it shows
+            self.is_over = True
+            return self._fence.exit([self._last, *self._points])
+        part = [self._last, *islice(self._points, _AT_ONCE)]
+        self.is_over = len(part) <= _AT_ONCE
+        self._last = part[-1]
+        return self._fence.exit(part)
