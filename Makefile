@@ -180,8 +180,8 @@ proto: $(DEV)  ## What follows from the contract: stubs, the facts of its method
 proto-check: $(DEV)  ## Fails when something of that is out of date
 	$(BIN)/python -m tools.contract --check
 
-clients: $(DEV)  ## The members of the Python clients that are one call each, from ual.interface and ual._calls
-	$(BIN)/python tools/clients.py
+clients: $(DEV)  ## The members of the Python clients that are one call each, from ual.interface and the contract
+	$(BIN)/python -m tools.clients
 
 proto-baseline: tools/node_modules wire interface  ## At a release: the contract, as it is now, is what must stay compatible
 	tools/node_modules/.bin/buf breaking --against proto/baseline.binpb

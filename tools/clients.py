@@ -1,8 +1,9 @@
 """Writes the members of the clients that are one call each: ``python tools/clients.py`` (`make clients`).
 
-A member's signature and documentation are those of `ual.interface`. Its request, its response and its kind are those of
-`ual._calls`. The sources are written out, as the stubs of the contract are, because Python cannot type what is derived:
-no type variable stands for "a coroutine of each member's result". Type checkers and editors see ordinary methods.
+A member's signature and documentation are those of `ual.interface`, and its kind is that of its method in the contract.
+Its request and its response are those of `ual._service_calls`, or of `ual._calls`, which is by hand. The sources are
+written out, as the stubs of the contract are, because Python cannot type what is derived: no type variable stands for
+"a coroutine of each member's result". Type checkers and editors see ordinary methods.
 """
 
 from __future__ import annotations
@@ -15,8 +16,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from ual._calls import MEMBERS
+from tools.contract.calls_source import CALLS
+from tools.contract.compiled import compiled
+from tools.contract.parts import ContractPart, simulation, uav
+from tools.contract.python_source import functions, parsed
 from ual.contract.method import Kind
+from ual.contract.methods import METHODS
 from ual.shared import views
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -42,6 +47,17 @@ _WAYS = {
 }
 _OF_UAV_BY_HAND = {"wait_for": "ask"}
 """Members that each client has of its own, and how a team gives them to its UAVs."""
+
+
+def _kinds(part: ContractPart) -> dict[str, Kind]:
+    return {each.name: METHODS[each.method.name].kind for each in part.members if each.method}
+
+
+OF_UAV = _kinds(uav(compiled()))
+"""The members of a UAV that are one call each."""
+OF_SIMULATION = _kinds(simulation(compiled()))
+MEMBERS = OF_UAV | OF_SIMULATION
+_BY_HAND = functions(parsed(CALLS))
 
 
 class _Member(NamedTuple):
@@ -76,21 +92,13 @@ def main() -> None:
 
 
 def sources() -> dict[Path, str]:
-    """Returns the modules as they should be, by path.
-
-    Raises:
-        SystemExit: The calls and the interface do not agree.
-
-    """
+    """Returns the modules as they should be, by path."""
     tree = ast.parse(INTERFACE.read_text(encoding="utf-8"))
-    uav, simulation = _members(tree, "Uav"), _members(tree, "Simulation")
-    missing = set(MEMBERS) - {each.name for each in (*uav, *simulation)}
-    if missing:
-        sys.exit(f"tools/clients.py: ual.interface has no {', '.join(sorted(missing))}, which ual._calls declares")
-    calls = [each for each in uav if each.name in MEMBERS]
-    of_aio = [each for each in uav if each.name in MEMBERS or _is_view(each)]
-    of_simulation = [each for each in simulation if each.name in MEMBERS]
-    of_team = [each for each in uav if _given_by(each)]
+    of_uav, world = _members(tree, "Uav"), _members(tree, "Simulation")
+    calls = [each for each in of_uav if each.name in OF_UAV]
+    of_aio = [each for each in of_uav if each.name in OF_UAV or _is_view(each)]
+    of_simulation = [each for each in world if each.name in OF_SIMULATION]
+    of_team = [each for each in of_uav if _given_by(each)]
     modules = {
         "_derived.py": (_SYNC, [_SYNC_UAV, *map(_sync_call, calls), _SYNC_SIMULATION, *map(_sync_call, of_simulation)]),
         "_derived_team.py": (_SYNC_TEAM_HEAD, [_SYNC_TEAM, *map(_sync_team_member, of_team)]),
@@ -127,7 +135,8 @@ def _given_by(member: _Member) -> str:
 
 def _call(member: _Member) -> str:
     """The call of a client's member: ``self._command(_calls.arm(), timeout_s)``."""
-    call = f"_calls.{member.name}({member.passed('timeout_s')})"
+    room = "_simulation_calls" if member.name in OF_SIMULATION else "_uav_calls"
+    call = f"{'_calls' if member.name in _BY_HAND else room}.{member.name}({member.passed('timeout_s')})"
     limit = ", timeout_s" if "timeout_s" in {each.arg for each in member.arguments.kwonlyargs} else ""
     return f"self.{_WAYS[MEMBERS[member.name]].send}({call}{limit})"
 
@@ -225,6 +234,8 @@ from typing_extensions import override
 from ual import _calls, interface
 from ual._calls import Call
 from ual._connection import Connection
+from ual._service_calls import simulation as _simulation_calls
+from ual._service_calls import uav as _uav_calls
 from ual._setpoints import Setpoints
 # imports
 
@@ -280,6 +291,8 @@ from typing import TypeVar
 
 from ual import _calls
 from ual._calls import Call
+from ual._service_calls import simulation as _simulation_calls
+from ual._service_calls import uav as _uav_calls
 from ual.aio._connection import Connection
 from ual.aio._setpoints import Setpoints
 from ual.shared import views

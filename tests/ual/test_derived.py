@@ -2,22 +2,20 @@
 
 from __future__ import annotations
 
-import importlib.util
 import inspect
 import pydoc
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
 
 import ual
 import ual.interface
+from tools import clients
 from tools.contract.compiled import compiled
 from tools.contract.parts import parts
-from ual import _calls, _client, _derived_parts
+from ual import _client, _derived_parts
 from ual.aio import _derived_parts as aio_parts
-from ual.contract.method import Kind
 
 ROOT = Path(__file__).parents[2]
 BY_HAND = {
@@ -34,18 +32,6 @@ BY_HAND = {
 """Members that are more than one call, or another thing for asyncio."""
 
 
-def load() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("clients", ROOT / "tools" / "clients.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-clients = load()
-
-
 def names_of(owner: type) -> set[str]:
     return {name for name in vars(owner) if not name.startswith("_")}
 
@@ -60,13 +46,12 @@ def test_the_committed_members_are_those_of_the_calls() -> None:
 
 
 def test_a_member_of_the_interface_is_one_call_or_written_by_hand() -> None:
-    """So that a member that is new in the interface is not forgotten in `ual._calls`."""
+    """So that a member that is new in the interface is not forgotten in the contract."""
     abstract = {name for name in names_of(ual.interface.Uav) if name in ual.interface.Uav.__abstractmethods__}
-    one_call = {name for name, kind in _calls.MEMBERS.items() if kind is not Kind.SIMULATION}
+    one_call = set(clients.OF_UAV)
     assert abstract == one_call | BY_HAND
     assert not one_call & BY_HAND
-    of_simulation = {name for name, kind in _calls.MEMBERS.items() if kind is Kind.SIMULATION}
-    assert names_of(ual.interface.Simulation) == of_simulation
+    assert names_of(ual.interface.Simulation) == set(clients.OF_SIMULATION)
 
 
 @pytest.mark.parametrize("owner", sorted(each.name for each in parts(compiled())))
@@ -84,15 +69,9 @@ def test_both_clients_have_the_members_of_each_service_beside_flying(owner: str)
         assert inspect.iscoroutinefunction(getattr(aio, name)) is not is_stream
 
 
-def test_a_call_that_the_interface_lacks_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(_calls.MEMBERS, "sing", Kind.COMMAND)
-    with pytest.raises(SystemExit, match=r"ual\.interface has no sing, which ual\._calls declares"):
-        clients.sources()
-
-
-@pytest.mark.parametrize("name", sorted(_calls.MEMBERS))
+@pytest.mark.parametrize("name", sorted(clients.MEMBERS))
 def test_both_clients_have_the_signature_of_the_interface(name: str) -> None:
-    is_simulation = _calls.MEMBERS[name] is Kind.SIMULATION
+    is_simulation = name in clients.OF_SIMULATION
     interface: Any = ual.interface.Simulation if is_simulation else ual.interface.Uav
     client: Any = _client.Simulation if is_simulation else ual.Uav
     aio: Any = ual.aio.Simulation if is_simulation else ual.aio.Uav

@@ -14,6 +14,7 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet
 from tools.contract import (
     calls_source,
     clients_source,
+    core_servicers_source,
     faces_source,
     lists_source,
     methods,
@@ -26,9 +27,11 @@ from tools.contract import (
 from tools.contract.compiled import ROOT, compiled
 from tools.contract.description import services
 from tools.contract.formatting import formatted
-from tools.contract.parts import CLIENT, parts
+from tools.contract.parts import CLIENT, parts, simulation, uav
 from tools.contract.stubs import stubs
 from tools.contract.values import Values, all_values
+
+CALLS = CLIENT / "_service_calls"
 
 
 def derived() -> dict[Path, str]:
@@ -68,14 +71,18 @@ def _services(contract: FileDescriptorSet, values: Mapping[str, Values]) -> dict
     """Returns the calls, the servicers and the members of the class, of the services beside that of the UAV."""
     derivable = parts(contract)
     found = {
-        CLIENT / "_service_calls" / f"{each.module}.py": calls_source.source(values[each.file], each)
-        for each in derivable
+        CALLS / "uav.py": calls_source.source(values["ual"], [uav(contract)]),
+        CALLS / "simulation.py": calls_source.source(values["simulation"], [simulation(contract)]),
     }
+    found[core_servicers_source.UAV] = core_servicers_source.uav_source(values["ual"], uav(contract))
+    world = core_servicers_source.simulation_source(values["simulation"], simulation(contract))
+    found[core_servicers_source.SIMULATION] = world
     for file in sorted({each.file for each in derivable}):
         of_file = [each for each in derivable if each.file == file]
+        found[CALLS / f"{file}.py"] = calls_source.source(values[file], of_file)
         found[servicers_source.ROOM / f"{file}.py"] = servicers_source.source(values[file], of_file)
     files = {service.name: Path(file.name).stem for file in contract.file for service in file.service}
-    found[CLIENT / "_service_calls" / "stubs.py"] = calls_source.stubs_source(files)
+    found[CALLS / "stubs.py"] = calls_source.stubs_source(files)
     found[clients_source.SYNC] = clients_source.sync_source(derivable)
     found[clients_source.AIO] = clients_source.aio_source(derivable)
     found[servicers_source.ROOM / "table.py"] = servicers_source.table_source(derivable)
@@ -86,7 +93,9 @@ def _services(contract: FileDescriptorSet, values: Mapping[str, Values]) -> dict
 def out_of_date() -> list[Path]:
     """Returns the files that are not as they follow from the contract, and stubs of what is not in it any more."""
     wanted = derived()
-    left_over = [path for path in (*(CLIENT / "v1").glob("*_pb2*"), *ros.files()) if path not in wanted]
+    kept = {*wanted, calls_source.BY_HAND}
+    there = (*(CLIENT / "v1").glob("*_pb2*"), *CALLS.glob("[a-z]*.py"), *ros.files())
+    left_over = [path for path in there if path not in kept]
     return left_over + [each for each, text in wanted.items() if not each.exists() or each.read_text("utf-8") != text]
 
 

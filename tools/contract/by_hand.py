@@ -67,7 +67,7 @@ OF_UAV: Mapping[str, ByHand] = {
 }
 """Values of ``ual.proto`` that other files have, too."""
 ENUMS = frozenset({"CameraAction"})
-FILES = frozenset({"simulation", "network"})
+FILES = frozenset({"network"})
 """The files whose values are all written by hand."""
 PLACES: Mapping[str, str] = {
     "gimbal": "ual.gimbals",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 from tools.contract import requests
 from tools.contract.parts import CLIENT, INTERFACE, ContractPart, PartMember
@@ -13,19 +13,23 @@ from tools.contract.words import snake
 
 BY_HAND = CLIENT / "_service_calls" / "by_hand.py"
 """The calls that are more than a request and its response: ``fence_upload`` is that of ``Fence.upload``."""
+CALLS = CLIENT / "_calls.py"
+"""Handwritten calls of ``Uav``, by the names of its members."""
 
 
-def source(values: Values, part: ContractPart) -> str:
-    """Returns the module of a part."""
-    by_hand = functions(parsed(BY_HAND))
-    mine = {each.name: f"{part.module}_{each.name}" for each in part.members}
-    special = {name: function for name, function in mine.items() if function in by_hand}
-    unary = [each for each in part.members if not (each.method and each.method.client_streaming)]
-    calls = "".join(_call(values, part, each) for each in unary if each.name not in special)
-    members = "".join(f'    "{each.name}": {each.function},\n' for each in unary)
-    named = "".join(f"{name} = {function}\n" for name, function in special.items())
-    body = f"\n{named}{calls}\n\nMEMBERS: Mapping[str, Callable[..., Call[Any]]] = {{\n{members}}}\n"
-    return f"{_head(values, part, body, sorted(special.values()))}{body}"
+def source(values: Values, parts: Sequence[ContractPart]) -> str:
+    """Returns the module of the parts of a file."""
+    by_hand = functions(parsed(BY_HAND)) | functions(parsed(CALLS))
+    named, calls = {}, ""
+    for part in parts:
+        for each in part.members:
+            function = f"{part.module}_{each.name}"
+            if function in by_hand:
+                named[each.name] = function
+            elif not each.is_streamed and not (part.name == "Uav" and each.name in by_hand):
+                calls += _call(values, part, each)
+    body = "\n" + "".join(f"{name} = {function}\n" for name, function in named.items()) + calls
+    return f"{_head(values, parts, body, sorted(named.values()))}{body}"
 
 
 def stubs_source(services: Mapping[str, str]) -> str:
@@ -40,21 +44,24 @@ def stubs_source(services: Mapping[str, str]) -> str:
     )
 
 
-def _head(values: Values, part: ContractPart, body: str, special: list[str]) -> str:
+def _head(values: Values, parts: Sequence[ContractPart], body: str, special: list[str]) -> str:
     used = names_in(body)
     calls = sorted({"Call", "built", "nothing", "of", "request"} & used)
+    geometry = sorted({"Vector3", "checked_transform", "stamped_point"} & used)
+    classes = " and ".join(f"`ual.interface.{each.name}`" for each in reversed(parts))
     return (
-        f'"""The calls of `ual.interface.{part.name}`. ``make proto`` writes this file: do not edit it."""\n\n'
+        f'"""The calls of {classes}. ``make proto`` writes this file: do not edit it."""\n\n'
         "from __future__ import annotations\n\n"
-        "from collections.abc import Callable, Mapping\n"
-        "from typing import Any\n\n"
         f"from ual._calls import {', '.join(calls)}\n"
         + (f"from ual._service_calls.by_hand import {', '.join(special)}\n" if special else "")
-        + "from ual.geometry import stamped_point\n" * ("stamped_point" in used)
-        + imports(INTERFACE, used - {"stamped_point", "Callable", "Any"})
+        + "from ual._wrong_type import require\n" * ("require" in used)
+        + (f"from ual.geometry import {', '.join(geometry)}\n" if geometry else "")
+        + "from ual.shared.flags import flag\n" * ("flag" in used)
+        + imports(INTERFACE, used - set(geometry))
         + f"from ual.v1 import {values.file}_pb2 as pb\n" * ("pb" in used)
-        + f"from ual.wire import {values.file} as wire\n" * ("wire" in used)
+        + f"from ual.wire import {values.wire} as wire\n" * ("wire" in used)
         + "from ual.wire import convert\n" * ("convert" in used)
+        + "from ual.wire import samples\n" * ("samples" in used)
         + "from ual.wire import uav\n" * ("uav" in used)
         + "from ual.wire import requests\n" * ("requests" in used)
     )
@@ -73,11 +80,11 @@ def _call(values: Values, part: ContractPart, member: PartMember) -> str:
         first = member.arguments[0].arg
         request = f'built(lambda: requests.{snake(name)}_request({passed}), "{first}", {first})'
     else:
-        fields = list(requests.written(values, part, member))
-        request = f"request(pb.{member.request.name}, {', '.join(fields)})" if fields else f"pb.{member.request.name}()"
+        request = requests.made(member, list(requests.written(values, part, member)))
     read = requests.result(values, member).read
     returned = member.returned.removeprefix("Iterator[").removesuffix("]") if member.is_stream else member.returned
     return (
         f"\n\ndef {member.function}({', '.join(arguments)}) -> Call[{returned}]:\n"
-        f'    return of("{name}", {request}, {read})\n'
+        + "".join(f"    {each}\n" for each in requests.checks(member))
+        + f'    return of("{name}", {request}, {read})\n'
     )

@@ -56,7 +56,8 @@ def aio_source(parts: Sequence[ContractPart]) -> str:
 def _module(head: str, parts: Sequence[ContractPart], path: Path, body: str) -> str:
     used = names_in(body)
     calls = "".join(
-        f"from ual._service_calls import {each.module} as {_calls(each)}\n" for each in parts if _calls(each) in used
+        f"from ual._service_calls import {file} as _{file}_calls\n"
+        for file in sorted({each.file for each in parts if _calls(each) in used})
     )
     bases = "".join(
         f"from ual.{'aio.' * (path == AIO)}_{each.module} import {each.name}Base\n"
@@ -67,7 +68,7 @@ def _module(head: str, parts: Sequence[ContractPart], path: Path, body: str) -> 
 
 
 def _calls(part: ContractPart) -> str:
-    return f"_{part.module}_calls"
+    return f"_{part.file}_calls"
 
 
 def _owner(parts: Sequence[ContractPart], declaration: str, of: str) -> str:

@@ -25,6 +25,8 @@ from tools.contract.words import snake
 
 CLIENT = ROOT / "clients" / "python" / "ual"
 INTERFACE = CLIENT / "interface.py"
+_STREAMED = (3, 4)
+"""The kinds of setpoints and of poses from outside."""
 _OTHERS = ("UalService", "SimulationService", "NetworkService")
 
 
@@ -40,11 +42,13 @@ class PartMember:
     request: DescriptorProto | None
     response: DescriptorProto | None
     needs_lease: bool
+    is_streamed: bool
+    """Whether its values go in a stream of the client's, whose calls are by hand."""
 
     @property
     def arguments(self) -> list[ast.arg]:
-        """Its arguments, without itself."""
-        return [*self.signature.args[1:], *self.signature.kwonlyargs]
+        """Its arguments, without itself and how long the caller waits."""
+        return [each for each in (*self.signature.args[1:], *self.signature.kwonlyargs) if each.arg != "timeout_s"]
 
     @property
     def is_stream(self) -> bool:
@@ -88,6 +92,23 @@ def parts(contract: FileDescriptorSet) -> list[ContractPart]:
     return [part for file in contract.file for service in file.service for part in _parts(options, file, service)]
 
 
+def simulation(contract: FileDescriptorSet) -> ContractPart:
+    """Returns the world around a simulated UAV, which has no behaviour in ``ual_daemon.services``."""
+    return _whole(contract, "Simulation", "SimulationService")
+
+
+def uav(contract: FileDescriptorSet) -> ContractPart:
+    """Returns the UAV itself, with those of its members that are one call each."""
+    return _whole(contract, "Uav", "UalService")
+
+
+def _whole(contract: FileDescriptorSet, name: str, service: str) -> ContractPart:
+    [(file, found)] = [(file, each) for file in contract.file for each in file.service if each.name == service]
+    messages = {f".{file.package}.{each.name}": each for file in contract.file for each in file.message_type}
+    members = _Members(Options(contract), found, messages).called(name)
+    return ContractPart(name, service, Path(file.name).stem, members, "", "")
+
+
 def _parts(options: Options, file: FileDescriptorProto, service: ServiceDescriptorProto) -> list[ContractPart]:
     file_name = Path(file.name).stem
     if service.name in _OTHERS or file_name in by_hand.FILES:
@@ -119,6 +140,12 @@ class _Members:
             raise SystemExit(f"ual.interface.{name} has no {', '.join(sorted(missing))}, for {self._service.name}")
         return [self._member(node, methods.get(node.name)) for node in declared.values()]
 
+    def called(self, name: str) -> list[PartMember]:
+        """Returns the members of a class that are called as methods."""
+        methods = {self._name_of(each): each for each in self._service.method}
+        declared = functions(classes(INTERFACE)[name])
+        return [self._member(each, methods[each.name]) for each in declared.values() if each.name in methods]
+
     def _facts(self, method: MethodDescriptorProto) -> Any:  # noqa: ANN401 (a message that is made at run time)
         return self._options.read("Method", "facts", method.options)
 
@@ -141,4 +168,5 @@ class _Members:
             None if method is None else self._messages[method.input_type],
             None if method is None else self._messages[method.output_type],
             method is not None and self._facts(method).lease,
+            method is not None and (method.client_streaming or self._facts(method).kind in _STREAMED),
         )

@@ -77,6 +77,8 @@ class MessageValue:
     given: int
     is_tuple: bool
     is_late: bool = False
+    variants: Sequence[tuple[str, MessageValue]] = ()
+    """The values of which it is one, each with its field. Empty: it is a value of its own."""
 
     @property
     def annotation(self) -> str:
@@ -86,7 +88,7 @@ class MessageValue:
     @property
     def codec(self) -> str:
         """Prefix of the functions that write and read it."""
-        return f"{'_' * self.is_tuple}{snake(self.name)}"
+        return snake(self.name)
 
 
 @dataclass(frozen=True)
@@ -135,6 +137,8 @@ class _ValueReader:
         self._file = self._package = ""
         self._asked: set[str] = set()
         """The messages that requests have."""
+        self._owners: dict[str, str] = {}
+        """Prefixes of errors in the message of a choice, by the name of the message."""
         self._enums: dict[str, EnumValue] = {}
         self._messages: dict[str, MessageValue | None] = {}
         self._declared: dict[str, tuple[FileDescriptorProto, DescriptorProto]] = {
@@ -147,6 +151,11 @@ class _ValueReader:
         self._file, self._package = _name(file), file.package
         requests = [each for each in file.message_type if each.name.endswith("Request")]
         self._asked = {part.type_name for each in requests for part in each.field}
+        self._owners = {
+            part.type_name.rpartition(".")[2]: f"{snake(choice.name)}.{part.name}."
+            for choice in filter(_is_choice, file.message_type)
+            for part in choice.field
+        }
         about = comments(file)
         enums = {
             f".{file.package}.{each.name}": self._enum(each, about)
@@ -172,11 +181,21 @@ class _ValueReader:
         if is_wrapper or message.name in by_hand.MESSAGES:
             return None
         about = comments(file)
-        fields = [field for each in message.field for field in self._fields(message, each, about)]
         text = comment_text(about[message.name], self._names)
+        if _is_choice(message):
+            variants = [(each.name, self._variant(message, each)) for each in message.field]
+            return MessageValue(message.name, self._names[message.name], text, (), 0, False, variants=variants)
+        fields = [field for each in message.field for field in self._fields(message, each, about)]
         return MessageValue(
             message.name, self._names[message.name], text, fields, facts.given, facts.is_tuple, facts.is_late
         )
+
+    def _variant(self, owner: DescriptorProto, part: FieldDescriptorProto) -> MessageValue:
+        """Returns one of the values that a message may have."""
+        found = self.message(part.type_name)
+        if found is None:
+            raise SystemExit(f"{owner.name}.{part.name} is no value")
+        return found
 
     def _facts(self, message: DescriptorProto) -> Any:  # noqa: ANN401 (a message that is made at run time)
         return self._options.read("Message", "value_facts", message.options)
@@ -203,7 +222,8 @@ class _ValueReader:
             yield from _of_header(part.name, facts, text)
             return
         is_told = not self._facts(message).is_late and f".{self._package}.{message.name}" not in self._asked
-        made = _Made(self, part, facts, f"{snake(message.name)}." * is_told)
+        owner = self._owners.get(message.name, f"{snake(message.name)}." * is_told)
+        made = _Made(self, part, facts, owner, is_asked=message.name in self._owners)
         yield Field(
             part.name,
             made.attribute,
@@ -225,6 +245,12 @@ class _ValueReader:
     def enum(self, full_name: str) -> EnumValue:
         """Returns an enum of this file."""
         return self._enums[full_name]
+
+
+def _is_choice(message: DescriptorProto) -> bool:
+    """Returns whether a message is one of several messages, and nothing else."""
+    is_one_of = [each.HasField("oneof_index") and not each.proto3_optional for each in message.field]
+    return len(message.oneof_decl) == 1 and all(is_one_of)
 
 
 def _member_name(enum: str, value: str) -> str:
@@ -249,7 +275,17 @@ def _of_header(name: str, facts: Any, text: str) -> Iterator[Field]:  # noqa: AN
 class _Made:
     """Code of one field: its declaration, writing and reading."""
 
-    def __init__(self, reader: _ValueReader, part: FieldDescriptorProto, facts: Any, owner: str) -> None:  # noqa: ANN401 (as `_facts`)
+    def __init__(
+        self,
+        reader: _ValueReader,
+        part: FieldDescriptorProto,
+        facts: Any,  # noqa: ANN401 (as `_facts`)
+        owner: str,
+        *,
+        is_asked: bool = False,
+    ) -> None:
+        """`is_asked`: a caller gives it, so that a message which is always there must be given."""
+        self._is_asked = is_asked
         self._reader = reader
         self._error_name = f"{owner}{part.name}"
         self._part = part
@@ -304,6 +340,8 @@ class _Made:
             read = f"tuple(map({reader}, {self._of_message}))"
             return f"tuple[{kind}, ...]", "()", f"map({writer}, {self._of_value})", read
         write, read = f"{writer}({self._of_value})", f"{reader}({self._of_message}{more})"
+        if self._is_asked and self._facts.is_there:
+            read = f'{reader}(convert.given(message, "{self._part.name}", "{self._error_name}").{self._part.name})'
         if self._facts.is_there:
             return kind, "0.0" if kind == "float" else f"{kind}()", write, read
         write = f"None if {self._of_value} is None else {write}"
@@ -339,9 +377,8 @@ def _depth(messages: Mapping[str, MessageValue]) -> Any:  # noqa: ANN401 (a key 
 
 
 def _depth_of(value: MessageValue, names: Mapping[str, MessageValue]) -> int:
-    parts: Iterator[MessageValue] = (
-        names[each] for part in value.fields for each in names if each in _words(part.annotation)
-    )
+    parts = [names[each] for part in value.fields for each in names if each in _words(part.annotation)]
+    parts += [each for _, each in value.variants]
     return 1 + max((_depth_of(each, names) for each in parts if each is not value), default=0)
 
 

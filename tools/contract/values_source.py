@@ -18,7 +18,8 @@ def source(values: Values) -> str:
     bases = set(classes(BASES))
     messages = [each for each in values.messages.values() if not each.is_tuple]
     written = f"As values, from ``{values.file}.proto``. ``make proto`` writes this file: do not edit it."
-    body = "".join(map(_enum, values.enums.values())) + "".join(_dataclass(each, bases) for each in messages)
+    body = "".join(map(_enum, values.enums.values()))
+    body += "".join(_choice(each) if each.variants else _dataclass(each, bases) for each in messages)
     return (
         docstring(f"{values.text.partition('. ')[0].rstrip('.')}. {written}", indent="") + "\n"
         "from __future__ import annotations\n\n"
@@ -30,7 +31,7 @@ def _imports(values: Values, messages: list[MessageValue], bases: set[str]) -> I
     parts = [part.modules for each in messages for part in each.fields]
     named = sorted({(module, name) for modules in parts for name, module in modules.items()})
     is_made = any("field(" in part.default for each in messages for part in each.fields)
-    if messages:
+    if any(not each.variants for each in messages):
         yield f"from dataclasses import dataclass{', field' * is_made}\n"
     kinds = {_base(each, bases) for each in values.enums.values()} & {"Enum", "IntEnum"}
     if kinds:
@@ -68,3 +69,8 @@ def _dataclass(value: MessageValue, bases: set[str]) -> str:
     )
     late = ", repr=False" * value.is_late
     return f"\n\n@dataclass(frozen=True, slots=True{late})\nclass {value.name}{base}:\n{about}\n{fields}"
+
+
+def _choice(value: MessageValue) -> str:
+    kinds = " | ".join(each.name for _, each in value.variants)
+    return f"\n\n{value.name} = {kinds}\n"

@@ -62,6 +62,8 @@ def {name}_from_proto(number: int, field: str) -> {enum.name}:
 def _codec(value: MessageValue) -> str:
     if value.is_late:
         return _late(value)
+    if value.variants:
+        return _choice(value)
     private = value.is_tuple
     made = "".join(f"        {each.name}={each.write},\n" for each in value.fields)
     read = "".join(f"        {each.read},\n" for each in value.fields)
@@ -71,15 +73,42 @@ def _codec(value: MessageValue) -> str:
     call = f"({read})" if value.is_tuple else f"{value.name}(\n{read})"
     return f'''
 
-def {value.codec}_to_proto(value: {value.annotation}) -> pb.{value.message}:
+def {value.codec}_to_proto({"value" if made else "_"}: {value.annotation}) -> pb.{value.message}:
     """Makes a message."""
 {unpacked}    return pb.{value.message}(
 {made}    )
 
 
-def {value.codec}_from_proto(message: pb.{value.message}) -> {value.annotation}:
+def {value.codec}_from_proto({"message" if read else "_"}: pb.{value.message}) -> {value.annotation}:
     """Reads a message."""
     return {call}
+'''
+
+
+def _choice(value: MessageValue) -> str:
+    """The codec of one of several values."""
+    name, message = value.codec, f"pb.{value.message}"
+    made = "".join(
+        f"        case {each.name}():\n            return {message}({field}={each.codec}_to_proto(value))\n"
+        for field, each in value.variants
+    )
+    read = "".join(
+        f'        case "{field}":\n            return {each.codec}_from_proto(message.{field})\n'
+        for field, each in value.variants
+    )
+    return f'''
+
+def {name}_to_proto(value: {value.name}) -> {message}:
+    """Makes a message. Raises `InvalidArgumentError` for what is none of its kinds."""
+    match value:
+{made}    raise convert.no_kind(value, "{name}")
+
+
+def {name}_from_proto(message: {message}) -> {value.name}:
+    """Reads a message. Raises `InvalidArgumentError` where no kind is set."""
+    match message.WhichOneof("kind"):
+{read}        case _:
+            raise convert.not_set("{name}.kind")
 '''
 
 

@@ -14,7 +14,6 @@ from typing_extensions import override
 from ual.interface import Simulation
 from ual.v1 import simulation_pb2 as pb
 from ual.v1 import simulation_pb2_grpc
-from ual.wire import simulation
 
 T = TypeVar("T")
 
@@ -33,8 +32,8 @@ class SimulatedTime(Protocol):
         """Advances it while it stands still."""
 
 
-class SimulationServicer(simulation_pb2_grpc.SimulationServiceServicer):
-    """The interface of one simulation. ``ual/v1/simulation.proto`` describes each method.
+class SimulationServicerBase(simulation_pb2_grpc.SimulationServiceServicer):
+    """The threads of one simulation's methods, and those methods that change its time.
 
     The members of a simulation may block (a step, the pilot's switches), so each runs on a worker thread of this
     service. Many calls wait for each other, and for nothing else of the daemon. Steps have a thread of their own,
@@ -59,56 +58,10 @@ class SimulationServicer(simulation_pb2_grpc.SimulationServiceServicer):
     async def _step(self, step: Callable[[float], None], duration_s: float) -> None:
         await _on(self._stepper, partial(step, duration_s))
 
-    # Names and order are those of the contract.
-
     @override
     async def ListParts(self, request: pb.ListPartsRequest, context: object) -> pb.ListPartsResponse:
-        return simulation.parts_to_proto(self._simulation.parts())
-
-    @override
-    async def PilotArm(self, request: pb.PilotArmRequest, context: object) -> pb.PilotArmResponse:
-        await self._act(self._simulation.pilot_arm)
-        return pb.PilotArmResponse()
-
-    @override
-    async def PilotDisarm(self, request: pb.PilotDisarmRequest, context: object) -> pb.PilotDisarmResponse:
-        await self._act(self._simulation.pilot_disarm)
-        return pb.PilotDisarmResponse()
-
-    @override
-    async def PilotTakeOver(self, request: pb.PilotTakeOverRequest, context: object) -> pb.PilotTakeOverResponse:
-        await self._act(self._simulation.pilot_take_over)
-        return pb.PilotTakeOverResponse()
-
-    @override
-    async def PilotMoveSticks(self, request: pb.PilotMoveSticksRequest, context: object) -> pb.PilotMoveSticksResponse:
-        await self._act(
-            self._simulation.pilot_move_sticks,
-            forward=request.forward,
-            left=request.left,
-            up=request.up,
-            turn=request.turn,
-        )
-        return pb.PilotMoveSticksResponse()
-
-    @override
-    async def PilotGiveBack(self, request: pb.PilotGiveBackRequest, context: object) -> pb.PilotGiveBackResponse:
-        await self._act(self._simulation.pilot_give_back)
-        return pb.PilotGiveBackResponse()
-
-    @override
-    async def BeginFault(self, request: pb.BeginFaultRequest, context: object) -> pb.BeginFaultResponse:
-        fault = simulation.fault_from_proto(request.fault)
-        return pb.BeginFaultResponse(fault_id=await self._act(self._simulation.begin_fault, fault, request.duration_s))
-
-    @override
-    async def EndFault(self, request: pb.EndFaultRequest, context: object) -> pb.EndFaultResponse:
-        await self._act(self._simulation.end_fault, request.fault_id)
-        return pb.EndFaultResponse()
-
-    @override
-    async def ListFaults(self, request: pb.ListFaultsRequest, context: object) -> pb.ListFaultsResponse:
-        return simulation.faults_to_proto(await self._act(self._simulation.faults))
+        parts = sorted(each.value for each in self._simulation.parts())
+        return pb.ListPartsResponse(parts=[pb.SimulationPart.ValueType(each) for each in parts])
 
     @override
     async def SetSpeedFactor(self, request: pb.SetSpeedFactorRequest, context: object) -> pb.SetSpeedFactorResponse:
@@ -125,21 +78,6 @@ class SimulationServicer(simulation_pb2_grpc.SimulationServiceServicer):
             left_s -= _SLICE_S
         await self._step(self._time.step, left_s)
         return pb.StepResponse()
-
-    @override
-    async def SetNoise(self, request: pb.SetNoiseRequest, context: object) -> pb.SetNoiseResponse:
-        await self._act(self._simulation.set_noise, position_m=request.position_m, velocity_m_s=request.velocity_m_s)
-        return pb.SetNoiseResponse()
-
-    @override
-    async def SetWind(self, request: pb.SetWindRequest, context: object) -> pb.SetWindResponse:
-        await self._act(self._simulation.set_wind, simulation.wind_from_proto(request))
-        return pb.SetWindResponse()
-
-    @override
-    async def PlaceOnGround(self, request: pb.PlaceOnGroundRequest, context: object) -> pb.PlaceOnGroundResponse:
-        await self._act(self._simulation.place_on_ground, simulation.place_from_proto(request), request.yaw_rad)
-        return pb.PlaceOnGroundResponse()
 
 
 async def _on(workers: Executor, action: Callable[[], T]) -> T:

@@ -14,8 +14,7 @@ from typing_extensions import override
 from ual.access.roles import Role
 from ual.geometry import TwistStamped
 from ual.v1 import ual_pb2 as pb
-from ual.v1 import ual_pb2_grpc
-from ual.wire import convert, motions, samples, uav
+from ual.wire import motions, uav
 from ual_daemon import logs, validation
 from ual_daemon.extensions.base import lease_of
 from ual_daemon.flight.flight import LastCommand
@@ -23,9 +22,10 @@ from ual_daemon.flight.policy.lease import EXPIRES_AFTER_S
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.server.access import caller
 from ual_daemon.server.planning import PlanFigures, Planning
+from ual_daemon.server.services.uav import UalServicerBase
 from ual_daemon.server.telemetry_stream import Updates
 from ual_daemon.server.transport.base import ServedCall
-from ual_daemon.server.waiting import completion, ended
+from ual_daemon.server.waiting import after, completion, ended
 from ual_daemon.vehicle.prepared import Prepared
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ _MAX_WATCH_RATE_HZ = 50.0
 """As often as a UAV is updated: nothing changes in between, and one watcher must not take a core of the daemon."""
 
 
-class UalServicer(ual_pb2_grpc.UalServiceServicer):
+class UalServicer(UalServicerBase):
     """The interface of one vehicle. ``ual/v1/ual.proto`` describes each method, `dispatch` how it is answered."""
 
     def __init__(self, vehicle: ServedVehicle, updates: Updates) -> None:
@@ -60,31 +60,10 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
     # Names and order are those of the contract.
 
     @override
-    def GetInfo(self, request: pb.GetInfoRequest, context: object) -> pb.GetInfoResponse:
-        return uav.info_to_proto(self._vehicle.info())
-
-    @override
-    def GetTelemetry(self, request: pb.GetTelemetryRequest, context: object) -> pb.GetTelemetryResponse:
-        return pb.GetTelemetryResponse(telemetry=samples.telemetry_to_proto(self._vehicle.telemetry()))
-
-    @override
     def StreamTelemetry(  # type: ignore[override] # sent where the updates come from: see `dispatch`
         self, request: pb.StreamTelemetryRequest, context: ServedCall
     ) -> Callable[[], None]:
         return self._updates.read(_rate_hz(request.rate_hz), context.send)
-
-    @override
-    def GetTransform(self, request: pb.GetTransformRequest, context: object) -> pb.GetTransformResponse:
-        transform = self._vehicle.transform(request.target_frame_id, request.source_frame_id)
-        return pb.GetTransformResponse(transform=convert.transform_to_proto(transform))
-
-    @override
-    def ListFrames(self, request: pb.ListFramesRequest, context: object) -> pb.ListFramesResponse:
-        return pb.ListFramesResponse(frames=[uav.frame_to_proto(frame) for frame in self._vehicle.frames()])
-
-    @override
-    def GetGeofence(self, request: pb.GetGeofenceRequest, context: object) -> pb.GetGeofenceResponse:
-        return pb.GetGeofenceResponse(geofence=uav.geofence_to_proto(self._vehicle.geofence()))
 
     @override
     async def GetRoute(self, request: pb.GetRouteRequest, context: object) -> pb.GetRouteResponse:
@@ -101,14 +80,6 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
     def RemoveFrame(self, request: pb.RemoveFrameRequest, context: object) -> pb.RemoveFrameResponse:
         self._vehicle.frame_editor.remove(request.frame_id)
         return pb.RemoveFrameResponse()
-
-    @override
-    def Arm(self, request: pb.ArmRequest, context: object) -> Awaitable[pb.ArmResponse]:
-        return _after(self._vehicle.commands.arm(lease_of(context)), pb.ArmResponse())
-
-    @override
-    def Disarm(self, request: pb.DisarmRequest, context: object) -> Awaitable[pb.DisarmResponse]:
-        return _after(self._vehicle.commands.disarm(lease_of(context)), pb.DisarmResponse())
 
     @override
     def TakeOff(self, request: pb.TakeOffRequest, context: object) -> _Maybe[pb.TakeOffResponse]:
@@ -235,27 +206,7 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
         prepared = self._vehicle.commands.recover_from_manual(lease_of(context), force=request.force)
         if request.dry_run:
             return pb.RecoverFromManualResponse(plan=uav.plan_to_proto(prepared.plan))
-        return _after(prepared.begin(), pb.RecoverFromManualResponse())
-
-    @override
-    def SetHome(self, request: pb.SetHomeRequest, context: object) -> pb.SetHomeResponse:
-        self._vehicle.commands.set_home(request.set_z, lease_of(context))
-        return pb.SetHomeResponse()
-
-    @override
-    def Abort(self, request: pb.AbortRequest, context: object) -> pb.AbortResponse:
-        self._vehicle.commands.abort(request.freeze, request.task_id, lease_of(context))
-        return pb.AbortResponse()
-
-    @override
-    def Pause(self, request: pb.PauseRequest, context: object) -> pb.PauseResponse:
-        self._vehicle.commands.pause(request.task_id, lease_of(context))
-        return pb.PauseResponse()
-
-    @override
-    def Resume(self, request: pb.ResumeRequest, context: object) -> pb.ResumeResponse:
-        self._vehicle.commands.resume(request.task_id, lease_of(context))
-        return pb.ResumeResponse()
+        return after(prepared.begin(), pb.RecoverFromManualResponse())
 
     @override
     def AcquireLease(self, request: pb.AcquireLeaseRequest, context: object) -> pb.AcquireLeaseResponse:
@@ -301,12 +252,6 @@ class UalServicer(ual_pb2_grpc.UalServiceServicer):
             yield pb.WatchTaskResponse(task=uav.task_info_to_proto(task.info()))
             await asyncio.wait((done,), timeout=period_s)
         yield pb.WatchTaskResponse(task=uav.task_info_to_proto(task.info()))
-
-
-async def _after(future: Future[None], response: R) -> R:
-    """Waits for the future. Returns the response, or raises the future's error."""
-    await ended(future)
-    return response
 
 
 def _rate_hz(rate_hz: float) -> float:

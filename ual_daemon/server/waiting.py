@@ -7,6 +7,7 @@ from concurrent.futures import Future
 from contextlib import suppress
 from typing import Any, TypeVar
 
+R = TypeVar("R")
 T = TypeVar("T")
 
 
@@ -34,3 +35,9 @@ async def ended(future: Future[T]) -> T:
     """Waits for the future. Returns its result, or raises its error. If the caller is cancelled, the future goes on."""
     await completion(future)
     return future.result()
+
+
+async def after(future: Future[None], response: R) -> R:
+    """Waits for the future. Returns the response, or raises the future's error."""
+    await ended(future)
+    return response

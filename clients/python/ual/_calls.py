@@ -1,7 +1,7 @@
-"""Every unary call of the interface: which method, with which request, and how to read its response.
+"""Calls: the way they are made, and those of the UAV that are more than a request and its response.
 
-The client and its asyncio twin differ only in how they make a call, never in what is in it. A call that is a member of
-both is declared here once, by `member`: ``make clients`` writes the members of both clients and of both teams.
+The client and its asyncio twin differ only in how they make a call, never in what is in it. Each other call is in
+`ual._service_calls`, as it follows from the contract.
 """
 
 from __future__ import annotations
@@ -14,67 +14,42 @@ from typing import Any, Generic, TypeVar
 
 from google.protobuf.message import Message
 
-from ual._wrong_type import require, require_parts, wrong_part
-from ual.contract.method import QUICK_S, Kind
+from ual._wrong_type import require_parts, wrong_part
+from ual.contract.method import QUICK_S
 from ual.contract.methods import METHODS
 from ual.errors import ClientUnusableError, InvalidArgumentError, NotSupportedError, UalError, UalTimeoutError
 from ual.geometry import (
     Pose,
     PoseStamped,
-    Transform,
     Twist,
     TwistStamped,
-    Vector3,
-    checked_transform,
     stamped_pose,
     stamped_twist,
 )
 from ual.shared.flags import flag
 from ual.shared.time_limit import time_limit
 from ual.shared.tracing import Metadata, of_environment
-from ual.simulation import Fault, SimulationPart
 from ual.types import (
     ExternalPose,
     FollowPathRequest,
-    Frame,
-    Geofence,
     GoToWaypointGeoRequest,
     GoToWaypointRequest,
-    Info,
     LandRequest,
-    LeaseInfo,
     MotionRequest,
     Plan,
     RecoverFromManualRequest,
     ReturnToLaunchRequest,
-    Route,
     Setpoint,
     TakeOffRequest,
     TaskInfo,
     TaskRequest,
     TaskStatus,
-    Telemetry,
 )
-from ual.v1 import simulation_pb2 as sim_pb
 from ual.v1 import ual_pb2 as pb
-from ual.wire import convert, motions, samples, simulation, uav
+from ual.wire import motions, uav
 
 T = TypeVar("T")
 F = TypeVar("F", bound=Callable[..., Any])
-
-
-MEMBERS: dict[str, Kind] = {}
-"""The members of a UAV that are one call each. ``tools/clients.py`` writes both clients and both teams from them."""
-
-
-def member(method: str) -> Callable[[F], F]:
-    """Declares that the call of this name is a member of the clients, with the signature that `ual.interface` has."""
-
-    def declared(call: F) -> F:
-        MEMBERS[call.__name__] = METHODS[method].kind
-        return call
-
-    return declared
 
 
 _UNTRACED: AbstractContextManager[Metadata] = nullcontext(())
@@ -184,102 +159,19 @@ def built(make: Callable[[], Message], field: str, value: object = None) -> Mess
     return request
 
 
-@member("GetInfo")
-def info() -> Call[Info]:
-    return of("GetInfo", pb.GetInfoRequest(), uav.info_from_proto)
-
-
-@member("GetTelemetry")
-def telemetry() -> Call[Telemetry]:
-    def read(response: pb.GetTelemetryResponse) -> Telemetry:
-        return samples.telemetry_from_proto(response.telemetry)
-
-    return of("GetTelemetry", pb.GetTelemetryRequest(), read)
-
-
-@member("GetTransform")
-def transform(target_frame_id: str, source_frame_id: str) -> Call[Transform]:
-    def read(response: pb.GetTransformResponse) -> Transform:
-        return convert.transform_from_proto(response.transform)
-
-    require(target_frame_id, str, "target_frame_id")
-    require(source_frame_id, str, "source_frame_id")
-    request = built(
-        lambda: pb.GetTransformRequest(target_frame_id=target_frame_id, source_frame_id=source_frame_id), "frame_id"
-    )
-    return of("GetTransform", request, read)
-
-
-@member("ListFrames")
-def frames() -> Call[list[Frame]]:
-    def read(response: pb.ListFramesResponse) -> list[Frame]:
-        return [uav.frame_from_proto(each) for each in response.frames]
-
-    return of("ListFrames", pb.ListFramesRequest(), read)
-
-
-@member("GetGeofence")
-def geofence() -> Call[Geofence]:
-    def read(response: pb.GetGeofenceResponse) -> Geofence:
-        return uav.geofence_from_proto(response.geofence)
-
-    return of("GetGeofence", pb.GetGeofenceRequest(), read)
-
-
-@member("GetRoute")
-def route() -> Call[Route | None]:
-    def read(response: pb.GetRouteResponse) -> Route | None:
-        return uav.route_from_proto(response.route) if response.HasField("route") else None
-
-    return of("GetRoute", pb.GetRouteRequest(), read)
-
-
-@member("AddFrame")
-def add_frame(transform: Transform) -> Call[None]:
-    checked_transform(transform)
-    request = built(lambda: pb.AddFrameRequest(transform=convert.transform_to_proto(transform)), "transform", transform)
-    return of("AddFrame", request, nothing)
-
-
-@member("RemoveFrame")
-def remove_frame(frame_id: str) -> Call[None]:
-    require(frame_id, str, "frame_id")
-    request = built(lambda: pb.RemoveFrameRequest(frame_id=frame_id), "frame_id")
-    return of("RemoveFrame", request, nothing)
-
-
-@member("Arm")
-def arm() -> Call[None]:
-    return of("Arm", pb.ArmRequest(), nothing)
-
-
-@member("Disarm")
-def disarm() -> Call[None]:
-    return of("Disarm", pb.DisarmRequest(), nothing)
-
-
-@member("RecoverFromManual")
 def recover_from_manual(force: bool = False) -> Call[None]:
     request = pb.RecoverFromManualRequest(force=flag(force, "force"))
     return of("RecoverFromManual", request, nothing)
 
 
-@member("SetHome")
-def set_home(set_z: bool) -> Call[None]:
-    return of("SetHome", pb.SetHomeRequest(set_z=flag(set_z, "set_z")), nothing)
-
-
-@member("Abort")
 def abort(freeze: bool = False, task_id: str = "") -> Call[None]:
     return of("Abort", pb.AbortRequest(freeze=flag(freeze, "freeze"), task_id=task_id), nothing)
 
 
-@member("Pause")
 def pause(task_id: str = "") -> Call[None]:
     return of("Pause", pb.PauseRequest(task_id=task_id), nothing)
 
 
-@member("Resume")
 def resume(task_id: str = "") -> Call[None]:
     return of("Resume", pb.ResumeRequest(task_id=task_id), nothing)
 
@@ -300,14 +192,6 @@ def keep_lease(lease_id: str) -> Call[None]:
 
 def release_lease(lease_id: str) -> Call[None]:
     return of("ReleaseLease", pb.ReleaseLeaseRequest(lease_id=lease_id), nothing)
-
-
-@member("GetLease")
-def lease_info() -> Call[LeaseInfo | None]:
-    def read(response: pb.GetLeaseResponse) -> LeaseInfo | None:
-        return uav.lease_info_from_proto(response.lease) if response.HasField("lease") else None
-
-    return of("GetLease", pb.GetLeaseRequest(), read)
 
 
 def get_task(task_id: str) -> Call[TaskInfo]:
@@ -377,12 +261,10 @@ def _read_plan(response: Any) -> Plan:  # noqa: ANN401 (each motion's response h
 # Setpoints
 
 
-@member("SetPose")
 def set_pose(pose: PoseStamped | Pose) -> pb.StreamSetpointsRequest:
     return setpoint(stamped_pose(pose), "pose")
 
 
-@member("SetVelocity")
 def set_velocity(velocity: TwistStamped | Twist) -> pb.StreamSetpointsRequest:
     return setpoint(stamped_twist(velocity), "velocity")
 
@@ -407,7 +289,6 @@ def single_setpoint(element: pb.StreamSetpointsRequest) -> Call[None]:
 # Poses from outside
 
 
-@member("SetExternalPose")
 def set_external_pose(
     pose: PoseStamped | Pose, position_std_dev_m: float | None, orientation_std_dev_rad: float | None
 ) -> pb.StreamExternalPosesRequest:
@@ -424,95 +305,3 @@ def single_external_pose(element: pb.StreamExternalPosesRequest) -> Call[None]:
     """One element of the stream as a call that is answered."""
     request = pb.SetExternalPoseRequest(external_pose=element.external_pose)
     return of("SetExternalPose", request, nothing)
-
-
-# Simulation
-
-
-@member("ListParts")
-def parts() -> Call[frozenset[SimulationPart]]:
-    return of("ListParts", sim_pb.ListPartsRequest(), simulation.parts_from_proto)
-
-
-@member("PilotArm")
-def pilot_arm() -> Call[None]:
-    return of("PilotArm", sim_pb.PilotArmRequest(), nothing)
-
-
-@member("PilotDisarm")
-def pilot_disarm() -> Call[None]:
-    return of("PilotDisarm", sim_pb.PilotDisarmRequest(), nothing)
-
-
-@member("PilotTakeOver")
-def pilot_take_over() -> Call[None]:
-    return of("PilotTakeOver", sim_pb.PilotTakeOverRequest(), nothing)
-
-
-@member("PilotMoveSticks")
-def pilot_move_sticks(forward: float, left: float, up: float, turn: float) -> Call[None]:
-    request = built(lambda: sim_pb.PilotMoveSticksRequest(forward=forward, left=left, up=up, turn=turn), "sticks")
-    return of("PilotMoveSticks", request, nothing)
-
-
-@member("PilotGiveBack")
-def pilot_give_back() -> Call[None]:
-    return of("PilotGiveBack", sim_pb.PilotGiveBackRequest(), nothing)
-
-
-@member("BeginFault")
-def begin_fault(fault: Fault, duration_s: float) -> Call[str]:
-    def read(response: sim_pb.BeginFaultResponse) -> str:
-        return response.fault_id
-
-    request = built(
-        lambda: sim_pb.BeginFaultRequest(fault=simulation.fault_to_proto(fault), duration_s=duration_s), "fault"
-    )
-    return of("BeginFault", request, read)
-
-
-@member("EndFault")
-def end_fault(fault_id: str) -> Call[None]:
-    return of("EndFault", sim_pb.EndFaultRequest(fault_id=fault_id), nothing)
-
-
-@member("ListFaults")
-def faults() -> Call[dict[str, Fault]]:
-    def read(response: sim_pb.ListFaultsResponse) -> dict[str, Fault]:
-        return simulation.faults_from_proto(response.faults)
-
-    return of("ListFaults", sim_pb.ListFaultsRequest(), read)
-
-
-@member("SetSpeedFactor")
-def set_speed_factor(speed_factor: float) -> Call[None]:
-    request = built(lambda: sim_pb.SetSpeedFactorRequest(speed_factor=speed_factor), "speed_factor")
-    return of("SetSpeedFactor", request, nothing)
-
-
-@member("Step")
-def step(duration_s: float) -> Call[None]:
-    request = built(lambda: sim_pb.StepRequest(duration_s=duration_s), "duration_s")
-    return of("Step", request, nothing)
-
-
-@member("SetNoise")
-def set_noise(position_m: float, velocity_m_s: float) -> Call[None]:
-    request = built(lambda: sim_pb.SetNoiseRequest(position_m=position_m, velocity_m_s=velocity_m_s), "noise")
-    return of("SetNoise", request, nothing)
-
-
-@member("SetWind")
-def set_wind(velocity_m_s: Vector3) -> Call[None]:
-    require(velocity_m_s, Vector3, "velocity_m_s")
-    request = built(lambda: sim_pb.SetWindRequest(velocity_m_s=convert.vector3_to_proto(velocity_m_s)), "velocity_m_s")
-    return of("SetWind", request, nothing)
-
-
-@member("PlaceOnGround")
-def place_on_ground(position: Vector3, yaw_rad: float) -> Call[None]:
-    require(position, Vector3, "position")
-    request = built(
-        lambda: sim_pb.PlaceOnGroundRequest(position=convert.vector3_to_proto(position), yaw_rad=yaw_rad), "position"
-    )
-    return of("PlaceOnGround", request, nothing)

@@ -10,11 +10,9 @@ from ual import interface
 from ual._connection import Connection
 from ual._corrections import CorrectionsBase
 from ual._service_calls import camera as _camera_calls
-from ual._service_calls import cameras as _cameras_calls
 from ual._service_calls import corrections as _corrections_calls
 from ual._service_calls import fence as _fence_calls
 from ual._service_calls import gimbal as _gimbal_calls
-from ual._service_calls import gimbals as _gimbals_calls
 from ual._service_calls import gripper as _gripper_calls
 from ual._service_calls import logs as _logs_calls
 from ual._service_calls import mission as _mission_calls
@@ -112,7 +110,7 @@ class Cameras(interface.Cameras):
 
     @override
     def get_all(self) -> list[CameraInfo]:
-        return self._connection.run(_cameras_calls.get_all())
+        return self._connection.run(_camera_calls.get_all())
 
 
 class Corrections(CorrectionsBase, interface.Corrections):
@@ -244,7 +242,7 @@ class Gimbals(interface.Gimbals):
 
     @override
     def get_all(self) -> list[GimbalInfo]:
-        return self._connection.run(_gimbals_calls.get_all())
+        return self._connection.run(_gimbal_calls.get_all())
 
 
 class Gripper(interface.Gripper):

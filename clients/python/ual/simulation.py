@@ -1,4 +1,7 @@
-"""Faults that a simulated UAV can be given; what ``ual/v1/simulation.proto`` says, as plain values."""
+"""The world around a simulated UAV: its safety pilot, faults, wind, noise and the speed of time.
+
+As values, from ``simulation.proto``. ``make proto`` writes this file: do not edit it.
+"""
 
 from __future__ import annotations
 
@@ -9,30 +12,33 @@ from ual.geometry import Vector3
 
 
 class SimulationPart(Enum):
-    """A part of a simulation. Each simulation offers some; see `ual.interface.Simulation`."""
+    """A part of a simulation, and the methods that belong to it."""
 
     PILOT = 1
-    """The safety pilot."""
+    """The safety pilot: PilotArm, PilotDisarm, PilotTakeOver, PilotMoveSticks, PilotGiveBack."""
     FAULTS = 2
-    """Faults below the interface."""
+    """Faults below the interface: BeginFault, EndFault, ListFaults."""
     TIME = 3
-    """Speed of time, and steps of it."""
+    """Speed of time, and steps of it: SetSpeedFactor, Step."""
     NOISE = 4
-    """Of the estimates."""
+    """Noise of the estimates: SetNoise."""
     WIND = 5
+    """SetWind."""
     PLACE = 6
-    """The UAV is put on the ground anew."""
+    """The UAV is put on the ground anew: PlaceOnGround."""
 
 
 class Command(Enum):
     """A command that can be refused or whose acknowledgement can be lost or late."""
 
     ANY = 0
+    """Any of them."""
     ARM = 1
     DISARM = 2
     TAKE_OFF = 3
     LAND = 4
     TAKE_CONTROL = 5
+    """Taking control, as RecoverFromManual does."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +53,12 @@ class PositionLost:
 
 @dataclass(frozen=True, slots=True)
 class EstimatorJumps:
-    """The position estimate jumps by `offset` (m), there and back, every `period_s`."""
+    """The position estimate jumps by an offset (m), again and again.
+
+    Args:
+        period_s: Between two jumps (there and back); more than 0.
+
+    """
 
     offset: Vector3 = field(default_factory=lambda: Vector3(1.0, 0.0, 0.0))
     period_s: float = 5.0
@@ -55,14 +66,24 @@ class EstimatorJumps:
 
 @dataclass(frozen=True, slots=True)
 class MotorsWeak:
-    """The motors give a part of their power, 0 to 1: accelerations and climb are scaled by it."""
+    """The motors give a part of their power: accelerations and climb are scaled by it.
+
+    Args:
+        power_ratio: 0 to 1.
+
+    """
 
     power_ratio: float = 0.5
 
 
 @dataclass(frozen=True, slots=True)
 class BatteryLow:
-    """The battery falls to a charge."""
+    """The battery falls to a charge.
+
+    Args:
+        remaining_percent: 0 to 100.
+
+    """
 
     remaining_percent: float = 10.0
 
@@ -77,14 +98,19 @@ class CommandRefused:
 
 @dataclass(frozen=True, slots=True)
 class AckLost:
-    """The autopilot obeys, but its acknowledgement never arrives."""
+    """The autopilot obeys a command, but its acknowledgement never arrives."""
 
     command: Command = Command.ANY
 
 
 @dataclass(frozen=True, slots=True)
 class AckLate:
-    """The acknowledgement of a command arrives late."""
+    """The acknowledgement of a command arrives late.
+
+    Args:
+        delay_s: More than 0.
+
+    """
 
     command: Command = Command.ANY
     delay_s: float = 1.0
@@ -92,9 +118,13 @@ class AckLate:
 
 @dataclass(frozen=True, slots=True)
 class FailsafeTriggered:
-    """A failsafe of the autopilot, in the words of `ual.types.Health.failsafe`, until the fault ends.
+    """A failsafe of the autopilot. In the air it leaves the mode that takes references, and holds its position.
 
-    In the air the autopilot leaves the mode that takes references, and holds its position.
+    It stays active until the fault ends.
+
+    Args:
+        cause: In the words of `Health.failsafe`: "battery failsafe", "rc failsafe", "fence", ...
+
     """
 
     cause: str = "battery failsafe"

@@ -99,7 +99,8 @@ def test_the_origin_and_standing_still_are_values_not_absence() -> None:
     pose = PoseStamped(Pose.at(0.0, 0.0, 0.0))
     assert convert.pose_stamped_from_proto(wire(convert.pose_stamped_to_proto(pose))) == pose
     assert motions.setpoint_from_proto(wire(motions.setpoint_to_proto(TwistStamped()))) == TwistStamped()
-    assert simulation.wind_from_proto(wire(sim_pb.SetWindRequest(velocity_m_s=convert.vector3_to_proto(Vector3()))))
+    still = wire(sim_pb.SetWindRequest(velocity_m_s=convert.vector3_to_proto(Vector3())))
+    assert convert.given(still, "velocity_m_s", "velocity_m_s") is still
 
 
 @given(values.transforms)
@@ -191,7 +192,7 @@ def test_info_comes_back_as_it_was(info: Info) -> None:
 @given(values.faults)
 def test_faults_come_back_as_they_were(fault: Fault) -> None:
     assert simulation.fault_from_proto(wire(simulation.fault_to_proto(fault))) == fault
-    assert simulation.faults_from_proto(wire(simulation.faults_to_proto({"f1": fault})).faults) == {"f1": fault}
+    assert simulation.active_fault_from_proto(wire(simulation.active_fault_to_proto(("f1", fault)))) == ("f1", fault)
 
 
 def test_capabilities_of_a_newer_daemon_are_left_out() -> None:
@@ -307,7 +308,7 @@ pose_without_pose = pb.PoseStamped(header=pb.Header(frame_id="map"))
             lambda: motions.task_request_from_proto(pb.FollowPathRequest(heading=pb.PathHeading.ValueType(9))),
             "heading",
         ),
-        (lambda: simulation.wind_from_proto(sim_pb.SetWindRequest()), "velocity_m_s"),
+        (lambda: convert.given(sim_pb.SetWindRequest(), "velocity_m_s", "velocity_m_s"), "velocity_m_s"),
         (lambda: simulation.fault_from_proto(sim_pb.Fault()), "fault.kind"),
         (
             lambda: simulation.fault_from_proto(sim_pb.Fault(estimator_jumps=sim_pb.EstimatorJumps(period_s=1.0))),

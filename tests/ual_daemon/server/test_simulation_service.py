@@ -11,7 +11,7 @@ from ual.interface import Simulation
 from ual.v1 import simulation_pb2 as pb
 from ual.v1 import simulation_pb2_grpc
 from ual_daemon.server.calls import Calls
-from ual_daemon.server.simulation_service import SimulationServicer
+from ual_daemon.server.services.simulation import SimulationServicer
 from ual_daemon.server.transport.selection import Choice
 
 

@@ -1,13 +1,10 @@
-"""The calls of `ual.interface.Camera`. ``make proto`` writes this file: do not edit it."""
+"""The calls of `ual.interface.Cameras` and `ual.interface.Camera`. ``make proto`` writes this file: do not edit it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any
-
 from ual._calls import Call, nothing, of, request
 from ual._service_calls.by_hand import camera_image
-from ual.cameras import CameraMode, CameraStatus, Photo, VideoStream
+from ual.cameras import CameraInfo, CameraMode, CameraStatus, Photo, VideoStream
 from ual.v1 import camera_pb2 as pb
 from ual.wire import camera as wire
 
@@ -80,17 +77,9 @@ def streams(camera: int) -> Call[list[VideoStream]]:
     )
 
 
-MEMBERS: Mapping[str, Callable[..., Call[Any]]] = {
-    "status": status,
-    "take_photo": take_photo,
-    "start_photos": start_photos,
-    "stop_photos": stop_photos,
-    "start_video": start_video,
-    "stop_video": stop_video,
-    "set_mode": set_mode,
-    "set_zoom": set_zoom,
-    "set_focus": set_focus,
-    "photos": photos,
-    "streams": streams,
-    "image": image,
-}
+def get_all() -> Call[list[CameraInfo]]:
+    return of(
+        "ListCameras",
+        pb.ListCamerasRequest(),
+        lambda response: list(map(wire.camera_info_from_proto, response.cameras)),
+    )

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any
-
 from ual._calls import Call, of
 from ual.corrections import CorrectionsStatus
 from ual.v1 import corrections_pb2 as pb
@@ -17,8 +14,3 @@ def status() -> Call[CorrectionsStatus]:
         pb.GetCorrectionsStatusRequest(),
         lambda response: wire.corrections_status_from_proto(response.status),
     )
-
-
-MEMBERS: Mapping[str, Callable[..., Call[Any]]] = {
-    "status": status,
-}

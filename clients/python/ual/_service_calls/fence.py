@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any
-
 from ual._calls import Call, built, of, request
 from ual._service_calls.by_hand import fence_disable, fence_enable
 from ual.fences.values import FencePlan, KeptFence
+from ual.shared.flags import flag
 from ual.v1 import fence_pb2 as pb
 from ual.wire import fence as wire
 from ual.wire import requests
@@ -33,15 +31,10 @@ def upload(plan: FencePlan | None, replace: bool, enable: bool, force: bool) -> 
 def clear(with_rally_points: bool, force: bool) -> Call[KeptFence]:
     return of(
         "ClearFence",
-        request(pb.ClearFenceRequest, with_rally_points=with_rally_points, force=force),
+        request(
+            pb.ClearFenceRequest,
+            with_rally_points=flag(with_rally_points, "with_rally_points"),
+            force=flag(force, "force"),
+        ),
         lambda response: wire.kept_fence_from_proto(response.fence),
     )
-
-
-MEMBERS: Mapping[str, Callable[..., Call[Any]]] = {
-    "get": get,
-    "upload": upload,
-    "clear": clear,
-    "enable": enable,
-    "disable": disable,
-}

@@ -1,13 +1,11 @@
-"""The calls of `ual.interface.Gimbal`. ``make proto`` writes this file: do not edit it."""
+"""The calls of `ual.interface.Gimbals` and `ual.interface.Gimbal`. ``make proto`` writes this file: do not edit it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any
-
 from ual._calls import Call, built, nothing, of, request
+from ual._wrong_type import require
 from ual.geometry import PointStamped, Vector3, stamped_point
-from ual.gimbals import GimbalReference, GimbalStatus
+from ual.gimbals import GimbalInfo, GimbalReference, GimbalStatus
 from ual.v1 import gimbal_pb2 as pb
 from ual.wire import convert, requests
 from ual.wire import gimbal as wire
@@ -32,6 +30,7 @@ def watch(gimbal: int, rate_hz: float) -> Call[GimbalStatus]:
 def set_angles(
     gimbal: int, pitch_rad: float, yaw_rad: float, roll_rad: float, reference: GimbalReference, frame_id: str
 ) -> Call[None]:
+    require(frame_id, str, "frame_id")
     return of(
         "SetGimbalAngles",
         built(
@@ -82,14 +81,9 @@ def release_control(gimbal: int) -> Call[None]:
     return of("ReleaseGimbalControl", request(pb.ReleaseGimbalControlRequest, gimbal=gimbal), nothing)
 
 
-MEMBERS: Mapping[str, Callable[..., Call[Any]]] = {
-    "status": status,
-    "watch": watch,
-    "set_angles": set_angles,
-    "set_rates": set_rates,
-    "point_at": point_at,
-    "move_to_neutral": move_to_neutral,
-    "retract": retract,
-    "take_control": take_control,
-    "release_control": release_control,
-}
+def get_all() -> Call[list[GimbalInfo]]:
+    return of(
+        "ListGimbals",
+        pb.ListGimbalsRequest(),
+        lambda response: list(map(wire.gimbal_info_from_proto, response.gimbals)),
+    )

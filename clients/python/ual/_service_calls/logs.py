@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any
-
 from ual._calls import Call, of, request
+from ual._wrong_type import require
 from ual.logs.values import Log, LogChunk
 from ual.v1 import logs_pb2 as pb
 from ual.wire import logs as wire
@@ -16,10 +14,5 @@ def get_all() -> Call[list[Log]]:
 
 
 def download(log_id: str, offset: int) -> Call[LogChunk]:
+    require(log_id, str, "log_id")
     return of("DownloadLog", request(pb.DownloadLogRequest, log_id=log_id, offset=offset), wire.log_chunk_from_proto)
-
-
-MEMBERS: Mapping[str, Callable[..., Call[Any]]] = {
-    "get_all": get_all,
-    "download": download,
-}

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Sequence
 
 from ual._calls import Call, built, nothing, of, request
 from ual.missions.items import Item
@@ -78,17 +77,3 @@ def watch() -> Call[MissionProgress]:
     return of(
         "WatchMission", pb.WatchMissionRequest(), lambda response: wire.mission_progress_from_proto(response.progress)
     )
-
-
-MEMBERS: Mapping[str, Callable[..., Call[Any]]] = {
-    "plan": plan,
-    "upload": upload,
-    "download": download,
-    "clear": clear,
-    "start": start,
-    "pause": pause,
-    "resume": resume,
-    "jump_to": jump_to,
-    "progress": progress,
-    "watch": watch,
-}

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any
-
 from ual._calls import Call, of, request
+from ual._wrong_type import require
 from ual.parameters.values import Parameter
+from ual.shared.flags import flag
 from ual.v1 import parameters_pb2 as pb
 from ual.wire import parameters as wire
 
 
 def get(name: str) -> Call[Parameter]:
+    require(name, str, "name")
     return of(
         "GetParameter",
         request(pb.GetParameterRequest, name=name),
@@ -28,15 +28,9 @@ def get_all() -> Call[list[Parameter]]:
 
 
 def set_(name: str, value: float, force: bool) -> Call[Parameter]:
+    require(name, str, "name")
     return of(
         "SetParameter",
-        request(pb.SetParameterRequest, name=name, value=value, force=force),
+        request(pb.SetParameterRequest, name=name, value=value, force=flag(force, "force")),
         lambda response: wire.parameter_from_proto(response.parameter),
     )
-
-
-MEMBERS: Mapping[str, Callable[..., Call[Any]]] = {
-    "get": get,
-    "get_all": get_all,
-    "set": set_,
-}

@@ -7,6 +7,8 @@ from typing import TypeVar
 
 from ual import _calls
 from ual._calls import Call
+from ual._service_calls import simulation as _simulation_calls
+from ual._service_calls import uav as _uav_calls
 from ual.aio._connection import Connection
 from ual.aio._setpoints import Setpoints
 from ual.geometry import Pose, PoseStamped, Transform, Twist, TwistStamped, Vector3
@@ -30,11 +32,11 @@ class UavMembers(ABC):
 
     async def info(self) -> Info:
         """Returns who the UAV is and what it can do: backend, autopilot, capabilities, limits."""
-        return await self._connection.run(_calls.info())
+        return await self._connection.run(_uav_calls.info())
 
     async def telemetry(self) -> Telemetry:
         """Returns the newest sample of everything known. What is not known is None."""
-        return await self._connection.run(_calls.telemetry())
+        return await self._connection.run(_uav_calls.telemetry())
 
     async def state(self) -> State:
         """Returns the state, estimated from the newest data of the autopilot."""
@@ -95,12 +97,12 @@ class UavMembers(ABC):
 
         """
         return await self._connection.run(
-            _calls.transform(target_frame_id=target_frame_id, source_frame_id=source_frame_id)
+            _uav_calls.transform(target_frame_id=target_frame_id, source_frame_id=source_frame_id)
         )
 
     async def frames(self) -> list[Frame]:
         """Returns all frames, each with its parent."""
-        return await self._connection.run(_calls.frames())
+        return await self._connection.run(_uav_calls.frames())
 
     async def geofence(self) -> Geofence:
         """Returns where the UAV may fly now: the geofence, the floor, the ceiling, and the autopilot's own fence.
@@ -110,7 +112,7 @@ class UavMembers(ABC):
             FrameLostError: It is not known any more.
 
         """
-        return await self._connection.run(_calls.geofence())
+        return await self._connection.run(_uav_calls.geofence())
 
     async def route(self) -> Route | None:
         """Returns the way of the running task, or to the goal of `set_pose` in a frame that moves.
@@ -123,7 +125,7 @@ class UavMembers(ABC):
             ResourceExhaustedError: Too many ask at once.
 
         """
-        return await self._connection.run(_calls.route())
+        return await self._connection.run(_uav_calls.route())
 
     async def add_frame(self, transform: Transform) -> None:
         """Adds a frame, or moves one that was added. A frame may be moved often (50 Hz).
@@ -138,7 +140,7 @@ class UavMembers(ABC):
             ResourceExhaustedError: There would be too many frames, or too many levels of them.
 
         """
-        await self._connection.run(_calls.add_frame(transform))
+        await self._connection.run(_uav_calls.add_frame(transform))
 
     async def remove_frame(self, frame_id: str) -> None:
         """Removes a frame that was added. A UAV that follows a goal in it (a frame that moves) stops.
@@ -148,7 +150,7 @@ class UavMembers(ABC):
             InvalidArgumentError: The frame is built in or configured, or other frames lie below it.
 
         """
-        await self._connection.run(_calls.remove_frame(frame_id))
+        await self._connection.run(_uav_calls.remove_frame(frame_id))
 
     async def set_home(self, set_z: bool = False) -> None:
         """Makes the present position the origin of ``<ns>/odom``. Allowed in LANDED_DISARMED and LANDED_ARMED.
@@ -160,7 +162,7 @@ class UavMembers(ABC):
             WrongStateError: The UAV is not on the ground.
 
         """
-        await self._command(_calls.set_home(set_z))
+        await self._command(_uav_calls.set_home(set_z))
 
     async def arm(self, *, timeout_s: float | None = None) -> None:
         """Arms the motors, and returns when the autopilot says that they are. Allowed in LANDED_DISARMED.
@@ -172,7 +174,7 @@ class UavMembers(ABC):
             UalTimeoutError: It was not armed within `timeout_s`.
 
         """
-        await self._command(_calls.arm(), timeout_s)
+        await self._command(_uav_calls.arm(), timeout_s)
 
     async def disarm(self, *, timeout_s: float | None = None) -> None:
         """Disarms the motors, and returns when the autopilot says that they are. Allowed in LANDED_ARMED.
@@ -184,11 +186,11 @@ class UavMembers(ABC):
             UalTimeoutError: It was not disarmed within `timeout_s`.
 
         """
-        await self._command(_calls.disarm(), timeout_s)
+        await self._command(_uav_calls.disarm(), timeout_s)
 
     async def lease_info(self) -> LeaseInfo | None:
         """Returns who holds the lease; None where there is no lease."""
-        return await self._connection.run(_calls.lease_info())
+        return await self._connection.run(_uav_calls.lease_info())
 
     async def set_pose(self, pose: PoseStamped | Pose) -> None:
         """Sends a pose as the reference, as it is: no straight line, no smoothing. Allowed in FLYING_AUTO.
@@ -327,57 +329,57 @@ class SimulationMembers:
 
     async def parts(self) -> frozenset[SimulationPart]:
         """Returns the parts that this simulation offers."""
-        return await self._connection.run(_calls.parts())
+        return await self._connection.run(_simulation_calls.parts())
 
     async def pilot_arm(self) -> None:
         """Arms, as the safety pilot does. Returns when the UAV is armed."""
-        await self._connection.run(_calls.pilot_arm())
+        await self._connection.run(_simulation_calls.pilot_arm())
 
     async def pilot_disarm(self) -> None:
         """Disarms, as the safety pilot does. Returns when the UAV is disarmed."""
-        await self._connection.run(_calls.pilot_disarm())
+        await self._connection.run(_simulation_calls.pilot_disarm())
 
     async def pilot_take_over(self) -> None:
         """Switches to a mode in which the safety pilot flies. Tasks and references end."""
-        await self._connection.run(_calls.pilot_take_over())
+        await self._connection.run(_simulation_calls.pilot_take_over())
 
     async def pilot_move_sticks(
         self, *, forward: float = 0.0, left: float = 0.0, up: float = 0.0, turn: float = 0.0
     ) -> None:
         """Moves the sticks, each from -1 to 1, and leaves them there. `turn` is counter-clockwise seen from above."""
-        await self._connection.run(_calls.pilot_move_sticks(forward=forward, left=left, up=up, turn=turn))
+        await self._connection.run(_simulation_calls.pilot_move_sticks(forward=forward, left=left, up=up, turn=turn))
 
     async def pilot_give_back(self) -> None:
         """Switches back to the mode in which the autopilot takes references from UAL."""
-        await self._connection.run(_calls.pilot_give_back())
+        await self._connection.run(_simulation_calls.pilot_give_back())
 
     async def begin_fault(self, fault: Fault, duration_s: float = 0.0) -> str:
         """Begins a fault, for `duration_s` of the simulation's time (0: until it is ended). Returns its identifier."""
-        return await self._connection.run(_calls.begin_fault(fault=fault, duration_s=duration_s))
+        return await self._connection.run(_simulation_calls.begin_fault(fault=fault, duration_s=duration_s))
 
     async def end_fault(self, fault_id: str = "") -> None:
         """Ends a fault, or all faults where no identifier is given."""
-        await self._connection.run(_calls.end_fault(fault_id))
+        await self._connection.run(_simulation_calls.end_fault(fault_id))
 
     async def faults(self) -> dict[str, Fault]:
         """Returns the faults that are active, by their identifiers."""
-        return await self._connection.run(_calls.faults())
+        return await self._connection.run(_simulation_calls.faults())
 
     async def set_speed_factor(self, speed_factor: float) -> None:
         """Sets how fast simulated time passes: 1 as real time, 0 only by `step`."""
-        await self._connection.run(_calls.set_speed_factor(speed_factor))
+        await self._connection.run(_simulation_calls.set_speed_factor(speed_factor))
 
     async def step(self, duration_s: float) -> None:
         """Lets `duration_s` of simulated time pass. Returns when it has passed. Needs the speed factor 0."""
-        await self._connection.run(_calls.step(duration_s))
+        await self._connection.run(_simulation_calls.step(duration_s))
 
     async def set_noise(self, *, position_m: float, velocity_m_s: float) -> None:
         """Sets the noise of the estimate, as standard deviations in metres and metres a second."""
-        await self._connection.run(_calls.set_noise(position_m=position_m, velocity_m_s=velocity_m_s))
+        await self._connection.run(_simulation_calls.set_noise(position_m=position_m, velocity_m_s=velocity_m_s))
 
     async def set_wind(self, velocity_m_s: Vector3) -> None:
         """Sets the wind: the velocity of the air, east, north and up, in metres a second."""
-        await self._connection.run(_calls.set_wind(velocity_m_s))
+        await self._connection.run(_simulation_calls.set_wind(velocity_m_s))
 
     async def place_on_ground(self, position: Vector3, yaw_rad: float = 0.0) -> None:
         """Puts the UAV on the ground at a place, disarmed and at rest. A flight ends.
@@ -388,4 +390,4 @@ class SimulationMembers:
             yaw_rad: The heading, counter-clockwise from east.
 
         """
-        await self._connection.run(_calls.place_on_ground(position=position, yaw_rad=yaw_rad))
+        await self._connection.run(_simulation_calls.place_on_ground(position=position, yaw_rad=yaw_rad))

@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import AsyncIterator, Sequence
 
 from ual._service_calls import camera as _camera_calls
-from ual._service_calls import cameras as _cameras_calls
 from ual._service_calls import corrections as _corrections_calls
 from ual._service_calls import fence as _fence_calls
 from ual._service_calls import gimbal as _gimbal_calls
-from ual._service_calls import gimbals as _gimbals_calls
 from ual._service_calls import gripper as _gripper_calls
 from ual._service_calls import logs as _logs_calls
 from ual._service_calls import mission as _mission_calls
@@ -133,7 +131,7 @@ class Cameras:
 
     async def get_all(self) -> list[CameraInfo]:
         """Returns all cameras that were found, also those that are not heard any more."""
-        return await self._connection.run(_cameras_calls.get_all())
+        return await self._connection.run(_camera_calls.get_all())
 
 
 class Corrections(CorrectionsBase):
@@ -339,7 +337,7 @@ class Gimbals:
 
     async def get_all(self) -> list[GimbalInfo]:
         """Returns all gimbals that were found, also those that are not heard any more."""
-        return await self._connection.run(_gimbals_calls.get_all())
+        return await self._connection.run(_gimbal_calls.get_all())
 
 
 class Gripper:

@@ -31,34 +31,34 @@ class _SimulationPartEnumTypeWrapper(google.protobuf.internal.enum_type_wrapper.
     DESCRIPTOR: google.protobuf.descriptor.EnumDescriptor
     SIMULATION_PART_UNSPECIFIED: _SimulationPart.ValueType  # 0
     SIMULATION_PART_PILOT: _SimulationPart.ValueType  # 1
-    """PilotArm, PilotDisarm, PilotTakeOver, PilotMoveSticks, PilotGiveBack."""
+    """The safety pilot: PilotArm, PilotDisarm, PilotTakeOver, PilotMoveSticks, PilotGiveBack."""
     SIMULATION_PART_FAULTS: _SimulationPart.ValueType  # 2
-    """BeginFault, EndFault, ListFaults."""
+    """Faults below the interface: BeginFault, EndFault, ListFaults."""
     SIMULATION_PART_TIME: _SimulationPart.ValueType  # 3
-    """SetSpeedFactor, Step."""
+    """Speed of time, and steps of it: SetSpeedFactor, Step."""
     SIMULATION_PART_NOISE: _SimulationPart.ValueType  # 4
-    """SetNoise."""
+    """Noise of the estimates: SetNoise."""
     SIMULATION_PART_WIND: _SimulationPart.ValueType  # 5
     """SetWind."""
     SIMULATION_PART_PLACE: _SimulationPart.ValueType  # 6
-    """PlaceOnGround."""
+    """The UAV is put on the ground anew: PlaceOnGround."""
 
 class SimulationPart(_SimulationPart, metaclass=_SimulationPartEnumTypeWrapper):
     """A part of a simulation, and the methods that belong to it."""
 
 SIMULATION_PART_UNSPECIFIED: SimulationPart.ValueType  # 0
 SIMULATION_PART_PILOT: SimulationPart.ValueType  # 1
-"""PilotArm, PilotDisarm, PilotTakeOver, PilotMoveSticks, PilotGiveBack."""
+"""The safety pilot: PilotArm, PilotDisarm, PilotTakeOver, PilotMoveSticks, PilotGiveBack."""
 SIMULATION_PART_FAULTS: SimulationPart.ValueType  # 2
-"""BeginFault, EndFault, ListFaults."""
+"""Faults below the interface: BeginFault, EndFault, ListFaults."""
 SIMULATION_PART_TIME: SimulationPart.ValueType  # 3
-"""SetSpeedFactor, Step."""
+"""Speed of time, and steps of it: SetSpeedFactor, Step."""
 SIMULATION_PART_NOISE: SimulationPart.ValueType  # 4
-"""SetNoise."""
+"""Noise of the estimates: SetNoise."""
 SIMULATION_PART_WIND: SimulationPart.ValueType  # 5
 """SetWind."""
 SIMULATION_PART_PLACE: SimulationPart.ValueType  # 6
-"""PlaceOnGround."""
+"""The UAV is put on the ground anew: PlaceOnGround."""
 Global___SimulationPart: typing_extensions.TypeAlias = SimulationPart
 
 class _Command:
@@ -232,7 +232,7 @@ Global___AckLate: typing_extensions.TypeAlias = AckLate
 
 @typing.final
 class FailsafeTriggered(google.protobuf.message.Message):
-    """A failsafe of the autopilot: in the air it leaves the mode that takes references and holds its position, and it stays
+    """A failsafe of the autopilot. In the air it leaves the mode that takes references, and holds its position. It stays
     active until the fault ends.
     """
 

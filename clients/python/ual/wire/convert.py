@@ -8,7 +8,10 @@ not here. Poses and twists flow often: their functions set fields one by one, th
 
 from __future__ import annotations
 
+from typing import TypeVar
+
 from google.protobuf.duration_pb2 import Duration
+from google.protobuf.message import Message
 from google.protobuf.timestamp_pb2 import Timestamp
 
 from ual import errors
@@ -27,6 +30,8 @@ from ual.geometry import (
     Vector3,
 )
 from ual.v1 import ual_pb2 as pb
+
+M = TypeVar("M", bound=Message)
 
 _NANOS_PER_MICRO = 1_000
 _MICROS_PER_S = 1_000_000
@@ -230,6 +235,18 @@ def task_error_to_proto(error: UalError) -> pb.TaskError:
 def task_error_from_proto(message: pb.TaskError) -> UalError:
     """Converts the error of a failed task into the one that waiting for the task raises."""
     return errors.from_reason(message.reason, message.message, dict(message.metadata))
+
+
+def given(message: M, name: str, field: str) -> M:
+    """Returns a message. Raises `InvalidArgumentError` where its part `name` is not set."""
+    if not message.HasField(name):
+        raise not_set(field)
+    return message
+
+
+def no_kind(value: object, field: str) -> InvalidArgumentError:
+    """Returns that a value is none of those that a message can have."""
+    return InvalidArgumentError(f"{field}: {value!r:.100} is no {field}", {"field": field})
 
 
 def not_set(field: str) -> InvalidArgumentError:

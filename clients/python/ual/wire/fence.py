@@ -7,7 +7,7 @@ from ual.v1 import fence_pb2 as pb
 from ual.wire import rally_points
 
 
-def _fence_point_to_proto(value: tuple[float, float]) -> pb.FencePoint:
+def fence_point_to_proto(value: tuple[float, float]) -> pb.FencePoint:
     """Makes a message."""
     latitude_deg, longitude_deg = value
     return pb.FencePoint(
@@ -16,7 +16,7 @@ def _fence_point_to_proto(value: tuple[float, float]) -> pb.FencePoint:
     )
 
 
-def _fence_point_from_proto(message: pb.FencePoint) -> tuple[float, float]:
+def fence_point_from_proto(message: pb.FencePoint) -> tuple[float, float]:
     """Reads a message."""
     return (
         message.latitude_deg,
@@ -28,7 +28,7 @@ def fence_zone_to_proto(value: FenceZone) -> pb.FenceZone:
     """Makes a message."""
     return pb.FenceZone(
         is_inclusion=value.is_inclusion,
-        points=map(_fence_point_to_proto, value.points),
+        points=map(fence_point_to_proto, value.points),
         radius_m=value.radius_m,
     )
 
@@ -37,7 +37,7 @@ def fence_zone_from_proto(message: pb.FenceZone) -> FenceZone:
     """Reads a message."""
     return FenceZone(
         message.is_inclusion,
-        tuple(map(_fence_point_from_proto, message.points)),
+        tuple(map(fence_point_from_proto, message.points)),
         message.radius_m if message.HasField("radius_m") else None,
     )
 
@@ -48,7 +48,7 @@ def kept_fence_to_proto(value: KeptFence) -> pb.KeptFence:
         zones=map(fence_zone_to_proto, value.zones),
         rally_points=map(rally_points.rally_point_to_proto, value.rally_points),
         is_enabled=value.is_enabled,
-        return_point=None if value.return_point is None else _fence_point_to_proto(value.return_point),
+        return_point=None if value.return_point is None else fence_point_to_proto(value.return_point),
     )
 
 
@@ -58,5 +58,5 @@ def kept_fence_from_proto(message: pb.KeptFence) -> KeptFence:
         tuple(map(fence_zone_from_proto, message.zones)),
         tuple(map(rally_points.rally_point_from_proto, message.rally_points)),
         message.is_enabled if message.HasField("is_enabled") else None,
-        _fence_point_from_proto(message.return_point) if message.HasField("return_point") else None,
+        fence_point_from_proto(message.return_point) if message.HasField("return_point") else None,
     )

@@ -75,7 +75,7 @@ def winch_status_from_proto(message: pb.WinchStatus) -> WinchStatus:
     )
 
 
-def _servo_position_to_proto(value: tuple[str, int]) -> pb.ServoPosition:
+def servo_position_to_proto(value: tuple[str, int]) -> pb.ServoPosition:
     """Makes a message."""
     name, pwm_us = value
     return pb.ServoPosition(
@@ -84,7 +84,7 @@ def _servo_position_to_proto(value: tuple[str, int]) -> pb.ServoPosition:
     )
 
 
-def _servo_position_from_proto(message: pb.ServoPosition) -> tuple[str, int]:
+def servo_position_from_proto(message: pb.ServoPosition) -> tuple[str, int]:
     """Reads a message."""
     return (
         message.name,
@@ -98,7 +98,7 @@ def servo_info_to_proto(value: ServoInfo) -> pb.Servo:
         name=value.name,
         min_pwm_us=value.min_pwm_us,
         max_pwm_us=value.max_pwm_us,
-        positions=map(_servo_position_to_proto, value.positions),
+        positions=map(servo_position_to_proto, value.positions),
         pwm_us=value.pwm_us,
         position=value.position,
         ordered=value.ordered,
@@ -112,7 +112,7 @@ def servo_info_from_proto(message: pb.Servo) -> ServoInfo:
         message.name,
         message.min_pwm_us,
         message.max_pwm_us,
-        tuple(map(_servo_position_from_proto, message.positions)),
+        tuple(map(servo_position_from_proto, message.positions)),
         message.pwm_us if message.HasField("pwm_us") else None,
         message.position,
         message.ordered,

@@ -1,13 +1,9 @@
-"""Between the parts and faults of a simulation and their messages."""
+"""Between the messages of ``simulation.proto`` and their values. ``make proto`` writes this file: do not edit it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from enum import Enum
-from typing import TypeVar
+from collections.abc import Mapping
 
-from ual.errors import InvalidArgumentError
-from ual.geometry import Vector3
 from ual.simulation import (
     AckLate,
     AckLost,
@@ -20,114 +16,199 @@ from ual.simulation import (
     LinkLost,
     MotorsWeak,
     PositionLost,
-    SimulationPart,
 )
-from ual.v1 import simulation_pb2 as sim_pb
+from ual.v1 import simulation_pb2 as pb
 from ual.wire import convert
+from ual.wire.enums import member_of
 
-_E = TypeVar("_E", bound=Enum)
-
-
-def fault_to_proto(fault: Fault) -> sim_pb.Fault:
-    """A fault."""
-    match fault:
-        case LinkLost():
-            return sim_pb.Fault(link_lost=sim_pb.LinkLost())
-        case PositionLost():
-            return sim_pb.Fault(position_lost=sim_pb.PositionLost())
-        case EstimatorJumps(offset, period_s):
-            jumps = sim_pb.EstimatorJumps(offset=convert.vector3_to_proto(offset), period_s=period_s)
-            return sim_pb.Fault(estimator_jumps=jumps)
-        case MotorsWeak(power_ratio):
-            return sim_pb.Fault(motors_weak=sim_pb.MotorsWeak(power_ratio=power_ratio))
-        case BatteryLow(remaining_percent):
-            return sim_pb.Fault(battery_low=sim_pb.BatteryLow(remaining_percent=remaining_percent))
-        case CommandRefused(command, text):
-            return sim_pb.Fault(command_refused=sim_pb.CommandRefused(command=_command(command), text=text))
-        case AckLost(command):
-            return sim_pb.Fault(ack_lost=sim_pb.AckLost(command=_command(command)))
-        case AckLate(command, delay_s):
-            return sim_pb.Fault(ack_late=sim_pb.AckLate(command=_command(command), delay_s=delay_s))
-        case FailsafeTriggered(cause):
-            return sim_pb.Fault(failsafe_triggered=sim_pb.FailsafeTriggered(cause=cause))
-    raise InvalidArgumentError(f"fault: {fault!r} is none of ual.simulation", {"field": "fault"})
+_COMMAND: Mapping[int, Command] = {each.value: each for each in Command}
 
 
-def fault_from_proto(message: sim_pb.Fault, field: str = "fault") -> Fault:
-    """A fault."""
-    match message.WhichOneof("kind"):
-        case "link_lost":
-            return LinkLost()
-        case "position_lost":
-            return PositionLost()
-        case "estimator_jumps":
-            jumps = message.estimator_jumps
-            if not jumps.HasField("offset"):
-                raise convert.not_set(f"{field}.estimator_jumps.offset")
-            return EstimatorJumps(convert.vector3_from_proto(jumps.offset), jumps.period_s)
-        case "motors_weak":
-            return MotorsWeak(message.motors_weak.power_ratio)
-        case "battery_low":
-            return BatteryLow(message.battery_low.remaining_percent)
-        case "command_refused":
-            refused = message.command_refused
-            return CommandRefused(_enum(Command, refused.command, f"{field}.command_refused.command"), refused.text)
-        case "ack_lost":
-            return AckLost(_enum(Command, message.ack_lost.command, f"{field}.ack_lost.command"))
-        case "ack_late":
-            late = message.ack_late
-            return AckLate(_enum(Command, late.command, f"{field}.ack_late.command"), late.delay_s)
-        case "failsafe_triggered":
-            return FailsafeTriggered(message.failsafe_triggered.cause)
-        case _:
-            raise convert.not_set(f"{field}.kind")
+def link_lost_to_proto(_: LinkLost) -> pb.LinkLost:
+    """Makes a message."""
+    return pb.LinkLost()
 
 
-def parts_to_proto(parts: Iterable[SimulationPart]) -> sim_pb.ListPartsResponse:
-    """The parts of a simulation, in a fixed order."""
-    values = sorted(part.value for part in parts)
-    return sim_pb.ListPartsResponse(parts=[sim_pb.SimulationPart.ValueType(value) for value in values])
+def link_lost_from_proto(_: pb.LinkLost) -> LinkLost:
+    """Reads a message."""
+    return LinkLost()
 
 
-def parts_from_proto(message: sim_pb.ListPartsResponse) -> frozenset[SimulationPart]:
-    """The parts of a simulation. Those that only a newer client knows are left out."""
-    known = {part.value for part in SimulationPart}
-    return frozenset(SimulationPart(value) for value in message.parts if value in known)
+def position_lost_to_proto(_: PositionLost) -> pb.PositionLost:
+    """Makes a message."""
+    return pb.PositionLost()
 
 
-def faults_to_proto(faults: Mapping[str, Fault]) -> sim_pb.ListFaultsResponse:
-    """The faults under way, by their ids."""
-    return sim_pb.ListFaultsResponse(
-        faults=[sim_pb.ActiveFault(fault_id=key, fault=fault_to_proto(fault)) for key, fault in faults.items()]
+def position_lost_from_proto(_: pb.PositionLost) -> PositionLost:
+    """Reads a message."""
+    return PositionLost()
+
+
+def estimator_jumps_to_proto(value: EstimatorJumps) -> pb.EstimatorJumps:
+    """Makes a message."""
+    return pb.EstimatorJumps(
+        offset=convert.vector3_to_proto(value.offset),
+        period_s=value.period_s,
     )
 
 
-def faults_from_proto(faults: Iterable[sim_pb.ActiveFault]) -> dict[str, Fault]:
-    """The faults under way, by their ids."""
-    return {active.fault_id: fault_from_proto(active.fault) for active in faults}
+def estimator_jumps_from_proto(message: pb.EstimatorJumps) -> EstimatorJumps:
+    """Reads a message."""
+    return EstimatorJumps(
+        convert.vector3_from_proto(convert.given(message, "offset", "fault.estimator_jumps.offset").offset),
+        message.period_s,
+    )
 
 
-def wind_from_proto(request: sim_pb.SetWindRequest) -> Vector3:
-    """The wind of SetWind."""
-    if not request.HasField("velocity_m_s"):
-        raise convert.not_set("velocity_m_s")
-    return convert.vector3_from_proto(request.velocity_m_s)
+def motors_weak_to_proto(value: MotorsWeak) -> pb.MotorsWeak:
+    """Makes a message."""
+    return pb.MotorsWeak(
+        power_ratio=value.power_ratio,
+    )
 
 
-def place_from_proto(request: sim_pb.PlaceOnGroundRequest) -> Vector3:
-    """The place of PlaceOnGround."""
-    if not request.HasField("position"):
-        raise convert.not_set("position")
-    return convert.vector3_from_proto(request.position)
+def motors_weak_from_proto(message: pb.MotorsWeak) -> MotorsWeak:
+    """Reads a message."""
+    return MotorsWeak(
+        message.power_ratio,
+    )
 
 
-def _command(command: Command) -> sim_pb.Command.ValueType:
-    return sim_pb.Command.ValueType(command.value)
+def battery_low_to_proto(value: BatteryLow) -> pb.BatteryLow:
+    """Makes a message."""
+    return pb.BatteryLow(
+        remaining_percent=value.remaining_percent,
+    )
 
 
-def _enum(kind: type[_E], value: int, field: str) -> _E:
-    try:
-        return kind(value)
-    except ValueError:
-        known = ", ".join(f"{each.value} ({each.name})" for each in kind)
-        raise InvalidArgumentError(f"{field}: {value} is none of {known}", {"field": field}) from None
+def battery_low_from_proto(message: pb.BatteryLow) -> BatteryLow:
+    """Reads a message."""
+    return BatteryLow(
+        message.remaining_percent,
+    )
+
+
+def command_refused_to_proto(value: CommandRefused) -> pb.CommandRefused:
+    """Makes a message."""
+    return pb.CommandRefused(
+        command=pb.Command.ValueType(value.command.value),
+        text=value.text,
+    )
+
+
+def command_refused_from_proto(message: pb.CommandRefused) -> CommandRefused:
+    """Reads a message."""
+    return CommandRefused(
+        member_of(message.command, _COMMAND, "fault.command_refused.command", Command.ANY),
+        message.text,
+    )
+
+
+def ack_lost_to_proto(value: AckLost) -> pb.AckLost:
+    """Makes a message."""
+    return pb.AckLost(
+        command=pb.Command.ValueType(value.command.value),
+    )
+
+
+def ack_lost_from_proto(message: pb.AckLost) -> AckLost:
+    """Reads a message."""
+    return AckLost(
+        member_of(message.command, _COMMAND, "fault.ack_lost.command", Command.ANY),
+    )
+
+
+def ack_late_to_proto(value: AckLate) -> pb.AckLate:
+    """Makes a message."""
+    return pb.AckLate(
+        command=pb.Command.ValueType(value.command.value),
+        delay_s=value.delay_s,
+    )
+
+
+def ack_late_from_proto(message: pb.AckLate) -> AckLate:
+    """Reads a message."""
+    return AckLate(
+        member_of(message.command, _COMMAND, "fault.ack_late.command", Command.ANY),
+        message.delay_s,
+    )
+
+
+def failsafe_triggered_to_proto(value: FailsafeTriggered) -> pb.FailsafeTriggered:
+    """Makes a message."""
+    return pb.FailsafeTriggered(
+        cause=value.cause,
+    )
+
+
+def failsafe_triggered_from_proto(message: pb.FailsafeTriggered) -> FailsafeTriggered:
+    """Reads a message."""
+    return FailsafeTriggered(
+        message.cause,
+    )
+
+
+def fault_to_proto(value: Fault) -> pb.Fault:
+    """Makes a message. Raises `InvalidArgumentError` for what is none of its kinds."""
+    match value:
+        case LinkLost():
+            return pb.Fault(link_lost=link_lost_to_proto(value))
+        case PositionLost():
+            return pb.Fault(position_lost=position_lost_to_proto(value))
+        case EstimatorJumps():
+            return pb.Fault(estimator_jumps=estimator_jumps_to_proto(value))
+        case MotorsWeak():
+            return pb.Fault(motors_weak=motors_weak_to_proto(value))
+        case BatteryLow():
+            return pb.Fault(battery_low=battery_low_to_proto(value))
+        case CommandRefused():
+            return pb.Fault(command_refused=command_refused_to_proto(value))
+        case AckLost():
+            return pb.Fault(ack_lost=ack_lost_to_proto(value))
+        case AckLate():
+            return pb.Fault(ack_late=ack_late_to_proto(value))
+        case FailsafeTriggered():
+            return pb.Fault(failsafe_triggered=failsafe_triggered_to_proto(value))
+    raise convert.no_kind(value, "fault")
+
+
+def fault_from_proto(message: pb.Fault) -> Fault:
+    """Reads a message. Raises `InvalidArgumentError` where no kind is set."""
+    match message.WhichOneof("kind"):
+        case "link_lost":
+            return link_lost_from_proto(message.link_lost)
+        case "position_lost":
+            return position_lost_from_proto(message.position_lost)
+        case "estimator_jumps":
+            return estimator_jumps_from_proto(message.estimator_jumps)
+        case "motors_weak":
+            return motors_weak_from_proto(message.motors_weak)
+        case "battery_low":
+            return battery_low_from_proto(message.battery_low)
+        case "command_refused":
+            return command_refused_from_proto(message.command_refused)
+        case "ack_lost":
+            return ack_lost_from_proto(message.ack_lost)
+        case "ack_late":
+            return ack_late_from_proto(message.ack_late)
+        case "failsafe_triggered":
+            return failsafe_triggered_from_proto(message.failsafe_triggered)
+        case _:
+            raise convert.not_set("fault.kind")
+
+
+def active_fault_to_proto(value: tuple[str, Fault]) -> pb.ActiveFault:
+    """Makes a message."""
+    fault_id, fault = value
+    return pb.ActiveFault(
+        fault_id=fault_id,
+        fault=fault_to_proto(fault),
+    )
+
+
+def active_fault_from_proto(message: pb.ActiveFault) -> tuple[str, Fault]:
+    """Reads a message."""
+    return (
+        message.fault_id,
+        fault_from_proto(message.fault),
+    )
