@@ -10,6 +10,7 @@ from typing_extensions import override
 from ual_daemon.backends.engine.contained import ErrorBarrier
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.protocols.cameras import CameraProtocol
+from ual_daemon.backends.mavlink.protocols.component_commands import ComponentCommands
 from ual_daemon.backends.mavlink.protocols.component_metadata import ComponentMetadata
 from ual_daemon.backends.mavlink.protocols.corrections_injection import CorrectionsInjection
 from ual_daemon.backends.mavlink.protocols.ftp import Ftp
@@ -56,6 +57,7 @@ class Protocols(Protocol):
         self.gimbals = GimbalProtocol(of_gimbals or GimbalServices(send))
         self.progress = MissionProgressProtocol(send, is_up)
         self.gripper = GripperReports()
+        self.components = ComponentCommands(send)
         self._all: tuple[Protocol, ...] = (
             self.parameters,
             self.missions,
@@ -66,9 +68,10 @@ class Protocols(Protocol):
             self.corrections,
             self.cameras,
             self.gripper,
+            self.components,
             self.gimbals,
         )
-        self._ticked = tuple(each for each in self._all if each is not self.gripper)
+        self._ticked = tuple(each for each in self._all if each not in (self.gripper, self.components))
         self._contained: dict[Protocol, ErrorBarrier] = {each: ErrorBarrier(type(each).__name__) for each in self._all}
         taken: defaultdict[int, list[Handler]] = defaultdict(list)
         for protocol in self._all:
@@ -103,7 +106,7 @@ class Protocols(Protocol):
 
     @override
     def tick(self, now_s: float) -> None:
-        ticked = (*self._ticked, self.gripper) if self.gripper.is_waiting else self._ticked
+        ticked = self._all if self.gripper.is_waiting or self.components.is_waiting else self._ticked
         for protocol in ticked:
             try:  # here, and not by `ErrorBarrier.call`: each sample costs it
                 protocol.tick(now_s)

@@ -16,7 +16,7 @@ from ual_daemon.backends.mavlink.dialects.command_long import LongCommand
 from ual_daemon.backends.mavlink.dialects.detection import HeartbeatKind, dialect_of, kind_of, kind_text
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.links import Address, MessageTransport
-from ual_daemon.backends.mavlink.protocols import cameras, gimbals
+from ual_daemon.backends.mavlink.protocols import cameras, component_commands, gimbals
 from ual_daemon.backends.mavlink.protocols.gimbals import GimbalServices
 from ual_daemon.backends.mavlink.protocols.protocols import Protocols
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import OWN_HEARTBEAT_S, own_heartbeat
@@ -48,7 +48,6 @@ sender.
 """
 _UNHEARD = (LinkWatchState.CONNECTING, LinkWatchState.LOST)
 _AUTOPILOT = mavlink.MAV_COMP_ID_AUTOPILOT1
-_OF_ANY = frozenset({mavlink.MAVLINK_MSG_ID_HEARTBEAT, mavlink.MAVLINK_MSG_ID_COMMAND_ACK})
 _CALLER_SYSTEM_ID = 245
 """Our system until the autopilot is found, whose system we then join."""
 
@@ -232,10 +231,9 @@ class Discovery(Selector):
 
     @override
     def is_component_wanted(self, frame: MavlinkFrame) -> bool:
-        if frame.message_id in gimbals.MESSAGE_IDS:
+        if frame.message_id in component_commands.MESSAGE_IDS or frame.message_id in gimbals.MESSAGE_IDS:
             return True
-        is_of_gimbal = frame.message_id in _OF_ANY and self.protocols.gimbals.is_wanted(frame.component_id)
-        return is_of_gimbal or (frame.component_id in cameras.COMPONENTS and frame.message_id in cameras.MESSAGE_IDS)
+        return frame.component_id in cameras.COMPONENTS and frame.message_id in cameras.MESSAGE_IDS
 
     @override
     def on_component(self, source: MessageSource, message: Message, now_s: float, utc_now_s: float) -> None:
@@ -244,7 +242,11 @@ class Discovery(Selector):
         if system_id in (0, source.system_id) and component_id in (0, self._settings.component_id):
             if source.component_id in cameras.COMPONENTS:
                 self.protocols.cameras.on_component(source, message, now_s, utc_now_s)
-            self.protocols.gimbals.on_component(source, message, now_s)
+            is_of_any = message.get_msgId() in component_commands.MESSAGE_IDS
+            if is_of_any:
+                self.protocols.components.on_component(source, message, now_s)
+            if not is_of_any or self.protocols.gimbals.is_wanted(source.component_id):
+                self.protocols.gimbals.on_component(source, message, now_s)
 
     def _is_odd(self, source: MessageSource) -> bool:
         """Returns whether it has ids that an autopilot seldom has, and that were not chosen."""

@@ -1,0 +1,147 @@
+"""Commands to the components of a vehicle that are no autopilot, such as a parachute: those that send heartbeats."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from concurrent.futures import Future
+
+from typing_extensions import override
+
+from ual.errors import LinkLostError, NotSupportedError, TaskAbortedError, UalTimeoutError
+from ual_daemon.backends import futures
+from ual_daemon.backends.mavlink.dialects.command_long import AGAIN, CommandLong
+from ual_daemon.backends.mavlink.dialects.dialect import Dialect
+from ual_daemon.backends.mavlink.protocols.camera_exchanges import refused
+from ual_daemon.backends.mavlink.protocols.exchange import Exchange
+from ual_daemon.backends.mavlink.protocols.protocol import Handler, Protocol
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+
+MESSAGE_IDS = frozenset({mavlink.MAVLINK_MSG_ID_HEARTBEAT, mavlink.MAVLINK_MSG_ID_COMMAND_ACK})
+LOST_S = 5.0
+"""Seconds of silence after which a component counts as not there. Its heartbeat comes each second."""
+QUIET_S = 0.7
+"""Seconds for which a command waits after one that was sent more often than answered, whose late answers may come."""
+
+
+class ComponentCommands(Protocol):
+    """Belongs to the thread that receives. One command of an id is under way with a component: a newer one replaces it.
+
+    `send` sends a message.
+    """
+
+    def __init__(self, send: Callable[[Message], object]) -> None:
+        self.is_waiting = False
+        """Whether `tick` has something to do: no call, as that is asked at each step of a flight."""
+        self._send = send
+        self._target: MessageSource | None = None
+        self._heard_s: dict[int, float] = {}
+        self._orders: dict[tuple[int, int], _ComponentOrder] = {}
+        self._asked: list[tuple[int, Future[bool]]] = []
+        self._quiet_until_s: dict[tuple[int, int], float] = {}
+
+    @property
+    @override
+    def handlers(self) -> dict[int, Handler]:
+        return {}
+
+    def ask(self, component_id: int, future: Future[bool]) -> None:
+        """Ends a future with whether a component is heard."""
+        self._asked.append((component_id, future))
+        self.is_waiting = True
+
+    def order(self, component_id: int, command: CommandLong, what: str, future: Future[None]) -> None:
+        """Sends a command until it is acknowledged. `what` is human-readable.
+
+        The future ends as that of a command to the autopilot. A `UalTimeoutError` says that it may have been obeyed.
+        """
+        if self._target is None:
+            futures.fail(future, LinkLostError(f"cannot {what}: no vehicle is heard"))
+            return
+        key = (component_id, command.id)
+        if (before := self._orders.get(key)) is not None:
+            before.fail(TaskAbortedError(f"{before.what} was replaced", {"by": what}))
+        source = MessageSource(self._target.system_id, component_id)
+        self._orders[key] = _ComponentOrder(source, command, what, future, self._send, self._quiet_until_s)
+        self.is_waiting = True
+
+    def on_component(self, source: MessageSource, message: Message, now_s: float) -> None:
+        """Takes a heartbeat or an acknowledgement of a component of the vehicle."""
+        if message.get_msgId() == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
+            self._heard_s[source.component_id] = now_s
+        elif (order := self._orders.get((source.component_id, message.command))) is not None:
+            order.on_ack(message.result)
+
+    @override
+    def attach(self, target: MessageSource, dialect: Dialect) -> None:
+        if self._target is not None and self._target.system_id != target.system_id:
+            self.drop("another autopilot was found")
+            self._heard_s.clear()
+        self._target = target
+
+    @override
+    def drop(self, why: str) -> None:
+        for order in self._orders.values():
+            order.fail(LinkLostError(f"it is not known whether the order to {order.what} was obeyed: {why}"))
+
+    @override
+    def tick(self, now_s: float) -> None:
+        asked, self._asked = self._asked, []
+        for component_id, future in asked:
+            futures.finish(future, now_s - self._heard_s.get(component_id, -math.inf) <= LOST_S)
+        for key, order in tuple(self._orders.items()):
+            order.tick(now_s)
+            if order.is_over:
+                del self._orders[key]
+        self.is_waiting = bool(self._orders or self._asked)
+
+
+class _ComponentOrder(Exchange[None]):
+    """A command on its way. `quiet_until_s` is shared with those that follow it."""
+
+    def __init__(
+        self,
+        source: MessageSource,
+        command: CommandLong,
+        what: str,
+        future: Future[None],
+        send: Callable[[Message], object],
+        quiet_until_s: dict[tuple[int, int], float],
+    ) -> None:
+        super().__init__(future)
+        self.what = what
+        self._source = source
+        self._command = command
+        self._send = send
+        self._quiet_until_s = quiet_until_s
+        self._key = (source.component_id, command.id)
+        self._count = 0
+        self._next_s = -math.inf
+
+    @override
+    def tick(self, now_s: float) -> None:
+        is_quiet = self._count == 0 and now_s < self._quiet_until_s.get(self._key, -math.inf)
+        if self.is_over or is_quiet or now_s < self._next_s:
+            return
+        if self._count == AGAIN.most:
+            self.fail(UalTimeoutError(f"{self.what}: component {self._source.component_id} has not acknowledged it"))
+            return
+        self._send(self._command.encode(self._source, self._count))
+        self._count += 1
+        self._next_s = now_s + AGAIN.every_s
+        self._quiet_until_s[self._key] = now_s + QUIET_S
+
+    def on_ack(self, result: int) -> None:
+        """Takes what the component answers."""
+        if self._count == 0:  # it is of the one before
+            return
+        if self._count == 1:  # no other answer can come
+            self._quiet_until_s.pop(self._key, None)
+        name = f"component {self._source.component_id}"
+        if result == mavlink.MAV_RESULT_ACCEPTED:
+            self._end(None)
+        elif result == mavlink.MAV_RESULT_UNSUPPORTED:
+            self.fail(NotSupportedError(f"{name} does not know how to {self.what}"))
+        elif result != mavlink.MAV_RESULT_IN_PROGRESS:
+            self.fail(refused(name, self._command.id, result))
