@@ -1,4 +1,4 @@
-"""Handwritten lines of the product, as `tools/code_size.py` counts them."""
+"""Handwritten lines of the product, as `tools/lines.py` counts them."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections import Counter
 
 import pytest
 
-from tools import code_size
+from tools import lines
 
 
 @pytest.mark.parametrize(
@@ -23,16 +23,16 @@ from tools import code_size
     ],
 )
 def test_the_product_is_what_is_installed_and_written_by_hand(path: str, is_product: bool) -> None:
-    assert code_size.is_product(path) is is_product
+    assert lines.is_product(path) is is_product
 
 
 def test_what_a_tool_has_written_does_not_count() -> None:
     by_hand = ("ual_daemon/a.py", b'"""A."""\n\nX = 1\n')
     by_tool = ("ual_daemon/b.py", b'"""B. ``make clients`` writes this file: do not edit it."""\n')
-    assert code_size.count([by_hand, by_tool]) == Counter({"ual_daemon": 3})
+    assert lines.count([by_hand, by_tool]) == Counter({"ual_daemon": 3})
 
 
 def test_each_generated_module_of_the_clients_is_known_as_one() -> None:
-    generated = {path for path, content in code_size.files_here() if code_size.is_generated(content)}
-    derived = {path for path, _ in code_size.files_here() if path.rpartition("/")[2].startswith("_derived")}
+    generated = {path for path, content in lines.files_here() if lines.is_generated(content)}
+    derived = {path for path, _ in lines.files_here() if path.rpartition("/")[2].startswith("_derived")}
     assert derived <= generated

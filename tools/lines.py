@@ -1,4 +1,4 @@
-"""Counts the handwritten lines of the product: ``python tools/code_size.py [REVISION]``.
+"""Counts the handwritten lines of the product: ``python tools/lines.py [REVISION]``.
 
 They are those of Python, ``.msg``, ``.srv`` and ``.action`` files under ``ual_daemon``, ``clients/python`` and
 ``clients/ros2``. Tests, examples and what a tool has written do not count.
