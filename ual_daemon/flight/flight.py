@@ -141,7 +141,7 @@ class Flight:
         self._stood_by = self._logged_fall = 0
         """The `Following.count` for which what was flown has ended, and that which the log has."""
         self._withdrawn: tuple[Manoeuvre, float] | None = None
-        """What was flown as the UAV fell, and when it was withdrawn: the mode of its command may come yet."""
+        """Manoeuvre that was withdrawn in a fall, and when: the mode of its command may come yet."""
         self._explanation = Explanation(backend, self.authority, self.is_flown_by_us)
         self.external_silence = self._explanation.external_silence
         self.position = PositionWatch(self.external_silence)
