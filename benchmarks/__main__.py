@@ -53,7 +53,7 @@ def main() -> int:
 
     arguments.output.mkdir(parents=True, exist_ok=True)
     (arguments.output / "results.json").write_text(json.dumps(results.values))
-    lines = list(targets.lines(results))
+    lines = list(targets.rows(results))
     found = f"{how(rounds, time.monotonic() - began_s)}\n\n{report.target_table(lines)}\n\n{report.failures(results)}"
     figures = report.figures(results)
     tables = f"{found}{figures}\n"

@@ -92,7 +92,7 @@ def fuzz_calls(count: int, seed: int) -> bool:
             time.sleep(2.0)
             grown_mib = read(daemon, 0.0).resident_mib - warm_mib
             lands = _lands(uav)
-        logged = [line for line in daemon.said().splitlines() if _DEFECT.search(line)]
+        logged = [line for line in daemon.log_text().splitlines() if _DEFECT.search(line)]
     print(f"{calls.count:,d} calls in {duration_s:.0f} s during {flights_count} flights: {dict(calls.found)}")
     print(f"memory {grown_mib:+.2f} MiB after the first {_WARM_SHARE:.0%}; it lands: {lands}; wrong: {dict(wrong)}")
     print(f"{len(logged)} lines of the log tell of a defect", *logged[:20], sep="\n  ")

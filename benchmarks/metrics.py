@@ -63,7 +63,7 @@ def main() -> None:
     rounds = with_and_without.rounds("metrics cost")
     print(f"Priority: {priority_text()}\n")
     results, address = Results(), f"127.0.0.1:{free_port(socket.SOCK_STREAM)}"
-    measured = with_and_without.way("metrics", "--metrics", address)
+    measured = with_and_without.setup("metrics", "--metrics", address)
     with Child("benchmarks.vehicle") as vehicle, reading(address) as reader:
         vehicle.prefer()
         with_and_without.measure(vehicle, results, measured, rounds)

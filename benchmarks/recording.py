@@ -25,7 +25,7 @@ def main() -> None:
     results = Results()
     with tempfile.TemporaryDirectory(prefix="ual-bench-") as directory, Child("benchmarks.vehicle") as vehicle:
         vehicle.prefer()
-        recorded = with_and_without.way("recorded", "--record", directory, "--record-raw")
+        recorded = with_and_without.setup("recorded", "--record", directory, "--record-raw")
         with_and_without.measure(vehicle, results, recorded, rounds)
     sys.exit(not with_and_without.report(results, recorded, _MOST_PERCENT))
 

@@ -37,7 +37,7 @@ class UalDaemon(Process):
         """Returns once it listens."""
         wait_for_port(self.tcp_port, self)
 
-    def said(self) -> str:
+    def log_text(self) -> str:
         """Returns its log."""
         self._log.seek(0)
         return self._log.read().decode()

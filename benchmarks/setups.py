@@ -101,12 +101,12 @@ def server_of(way: Way, port: int) -> Iterator[Server | None]:
         try:
             yield server
         except ChildError as error:
-            said = server.said() if isinstance(server, UalDaemon) else ""
+            said = server.log_text() if isinstance(server, UalDaemon) else ""
             raise ChildError(f"{error}; its server said:\n{said}") from None
 
 
 @contextmanager
-def flown(vehicle: Child, way: Way) -> Iterator[SetupFlight]:
+def running_setup(vehicle: Child, way: Way) -> Iterator[SetupFlight]:
     """Provides the vehicle, its server and client, once all are connected and a setpoint was sent."""
     port = free_port(socket.SOCK_DGRAM)
     vehicle.ask("fly", port=port, has_fence=way.has_fence)

@@ -45,7 +45,7 @@ class TargetRow:
         return "PASS" if is_met else "FAIL"
 
 
-def lines(results: Results) -> Iterator[TargetRow]:
+def rows(results: Results) -> Iterator[TargetRow]:
     """Yields all lines of the table."""
     yield from _of_setpoints(results, "", CLASS, STREAM, UNARY)
     yield from _of_setpoints(results, ", in a fence", CLASS_FENCE, STREAM_FENCE, UNARY_FENCE)

@@ -25,7 +25,7 @@ def rounds(what: str) -> int:
     return int(parser.parse_args().rounds)
 
 
-def way(name: str, *flags: str) -> Way:
+def setup(name: str, *flags: str) -> Way:
     """Returns the way with these flags."""
     return Way(f"{STREAM.name}, {name}", STREAM.peer, STREAM.address, flags)
 

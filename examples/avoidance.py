@@ -99,7 +99,7 @@ async def fly(
             await uav.set_velocity(ual.TwistStamped(ual.Twist(velocity), "map"))
 
 
-async def change_places(names: list[str], *, is_arming: bool, tracks: Tracks) -> None:
+async def swap_positions(names: list[str], *, is_arming: bool, tracks: Tracks) -> None:
     async with landing_team(names, is_arming=is_arming) as team:
         await team.take_off(HEIGHT_M)
         places = {name: place.translation for name, place in (await team.transform()).items()}
@@ -113,7 +113,7 @@ async def change_places(names: list[str], *, is_arming: bool, tracks: Tracks) ->
 def main() -> None:
     arguments = parser(__doc__).parse_args()
     tracks = Tracks()
-    asyncio.run(change_places(arguments.names, is_arming=arguments.arm, tracks=tracks))
+    asyncio.run(swap_positions(arguments.names, is_arming=arguments.arm, tracks=tracks))
     if arguments.plot is not None:
         tracks.draw(arguments.plot, "Changing places, avoiding by velocity", {})
     print("all there, all landed")

@@ -39,7 +39,7 @@ def wait(uav: ual.interface.Uav, what: str, is_so: Callable[[Equipment], bool]) 
         time.sleep(0.05)
 
 
-def line_m(found: Equipment) -> float | None:
+def rope_m(found: Equipment) -> float | None:
     """Returns how much line is out; None where the winch does not say."""
     status = found.winches[0].status
     return None if status is None else status.length_m
@@ -52,13 +52,13 @@ def deliver(uav: ual.interface.Uav) -> None:
     uav.take_off(HEIGHT_M)
     uav.go_to_waypoint(PLACE)
     uav.gripper.order_winch(WinchAction.LENGTH, length_m=LINE_M)
-    wait(uav, "letting down", lambda found: line_m(found) == LINE_M)
+    wait(uav, "letting down", lambda found: rope_m(found) == LINE_M)
     uav.gripper.release()
     wait(uav, "the release", lambda found: found.grippers[0].state is GripperState.OPEN)
     position = uav.transform().translation
     print(f"released at {position.x:.1f}, {position.y:.1f}, {LINE_M:g} m below the UAV")
     uav.gripper.order_winch(WinchAction.RETRACT)
-    wait(uav, "taking in", lambda found: line_m(found) == 0.0)
+    wait(uav, "taking in", lambda found: rope_m(found) == 0.0)
     uav.return_to_launch()
 
 

@@ -61,7 +61,7 @@ class Car:
         self._clock = asyncio.get_running_loop().time
         self._began_s = self._clock()
 
-    def place(self) -> ual.Transform:
+    def transform(self) -> ual.Transform:
         """Returns where it is in map."""
         angle = SPEED_M_S * (self._clock() - self._began_s) / CURVE_M
         x, y = START_M[0] + CURVE_M * math.sin(angle), START_M[1] + CURVE_M * (1.0 - math.cos(angle))
@@ -70,7 +70,7 @@ class Car:
     async def drive(self, team: ual.aio.Team) -> None:
         """Tells all where it is, until it is parked."""
         while not self.is_parked:
-            await team.add_frame(self.place())
+            await team.add_frame(self.transform())
             await asyncio.sleep(1.0 / RATE_HZ)
 
 
@@ -89,7 +89,7 @@ async def film(uav: ual.aio.Uav, shot: Shot, height_m: float, duration_s: float)
             await uav.set_pose(ual.PoseStamped(pose, "car"))
 
 
-async def look_at_the_car(_name: str, uav: ual.aio.Uav) -> None:
+async def point_gimbal_at_the_car(_name: str, uav: ual.aio.Uav) -> None:
     """Points its gimbal at the car, from now on."""
     await uav.gimbals[0].point_at(ual.PointStamped(ual.Vector3(), "car"))
 
@@ -111,7 +111,7 @@ async def shoot(team: ual.aio.Team, names: list[str], duration_s: float, car: Ca
     heights = dict(zip(names, HEIGHTS_M, strict=True))
     await team.each(lambda name, uav: uav.take_off(heights[name]))
     if has.gimbal:
-        await team.each(look_at_the_car)
+        await team.each(point_gimbal_at_the_car)
     async with taking_pictures(team, names) if has.pictures else nullcontext():
         await fly_shots(team, names, duration_s, heights)
     await team.each(lambda name, uav: uav.go_to_waypoint(ual.Pose.at(0.0, 0.0, heights[name])))

@@ -36,7 +36,7 @@ _ABOVE_BACKENDS = {"dry_runs", "missions", "paths", "refusals", "tasks"}
 """The checks, by module, of what the daemon does above all backends: over another backend it is the same code."""
 _OF_TRAJECTORIES = {
     "keeps_the_heading",
-    "turns_the_shortest_way",
+    "turns_by_the_smaller_angle",
     "goes_to_a_waypoint_ahead",
     "goes_to_a_waypoint_in_map",
     "stops_at_each_waypoint_of_a_path",

@@ -5,7 +5,7 @@ from __future__ import annotations
 import grimp
 import pytest
 
-from tools.changed_tests import distances, module_of, seen_by
+from tools.changed_tests import distances, module_of, tests_that_see
 
 
 @pytest.fixture
@@ -23,17 +23,17 @@ def graph() -> grimp.ImportGraph:
 
 
 def test_the_nearest_tests_come_first_and_the_others_not_at_all(graph: grimp.ImportGraph) -> None:
-    assert seen_by(graph, ["ual_daemon/geodesy.py"], 0) == ["tests/test_near.py", "tests/test_far.py"]
-    assert seen_by(graph, ["ual_daemon/geodesy.py"], 1) == ["tests/test_near.py"]
+    assert tests_that_see(graph, ["ual_daemon/geodesy.py"], 0) == ["tests/test_near.py", "tests/test_far.py"]
+    assert tests_that_see(graph, ["ual_daemon/geodesy.py"], 1) == ["tests/test_near.py"]
 
 
 def test_a_changed_test_is_run_itself(graph: grimp.ImportGraph) -> None:
-    assert seen_by(graph, ["tests/test_other.py"], 1) == ["tests/test_other.py"]
+    assert tests_that_see(graph, ["tests/test_other.py"], 1) == ["tests/test_other.py"]
 
 
 def test_a_file_is_seen_by_the_tests_that_name_it_or_all_of_its_kind(graph: grimp.ImportGraph) -> None:
-    assert "tests/test_docs.py" in seen_by(graph, ["docs/how-to/missions.md"], 2)
-    assert seen_by(graph, ["proto/" + "no_such" + ".unheard"], 2) == []
+    assert "tests/test_docs.py" in tests_that_see(graph, ["docs/how-to/missions.md"], 2)
+    assert tests_that_see(graph, ["proto/" + "no_such" + ".unheard"], 2) == []
 
 
 @pytest.mark.parametrize(

@@ -98,7 +98,7 @@ def sources() -> dict[Path, str]:
     calls = [each for each in of_uav if each.name in OF_UAV]
     of_aio = [each for each in of_uav if each.name in OF_UAV or _is_view(each)]
     of_simulation = [each for each in world if each.name in OF_SIMULATION]
-    of_team = [each for each in of_uav if _given_by(each)]
+    of_team = [each for each in of_uav if _passing_method(each)]
     modules = {
         "_derived.py": (_SYNC, [_SYNC_UAV, *map(_sync_call, calls), _SYNC_SIMULATION, *map(_sync_call, of_simulation)]),
         "_derived_team.py": (_SYNC_TEAM_HEAD, [_SYNC_TEAM, *map(_sync_team_member, of_team)]),
@@ -126,7 +126,7 @@ def _is_view(member: _Member) -> bool:
     return inspect.isfunction(getattr(views, member.name, None))
 
 
-def _given_by(member: _Member) -> str:
+def _passing_method(member: _Member) -> str:
     """Returns the method by which a team passes a member to its UAVs; empty where a team has no such member."""
     if member.name in MEMBERS:
         return _WAYS[MEMBERS[member.name]].give
@@ -167,7 +167,7 @@ def _sync_team_member(member: _Member) -> str:
 
 
 def _aio_team_member(member: _Member) -> str:
-    call = f"self.{_given_by(member)}(lambda _, uav: uav.{member.name}({member.passed()}))"
+    call = f"self.{_passing_method(member)}(lambda _, uav: uav.{member.name}({member.passed()}))"
     return f"""
     async def {member.signature} -> {_of_all(member)}:
 {_documented(_summary(member))}

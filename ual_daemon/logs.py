@@ -61,10 +61,10 @@ class _LogText:
         self._fields = fields
 
     def __str__(self) -> str:
-        return line(self._event, self._fields)
+        return event_text(self._event, self._fields)
 
 
-def line(event: str, fields: Mapping[str, object]) -> str:
+def event_text(event: str, fields: Mapping[str, object]) -> str:
     """Returns an event as one line of text: ``state old=LANDED_ARMED new=TAKING_OFF``."""
     return " ".join([event, *(f"{name}={_text(value)}" for name, value in fields.items())])
 

@@ -87,7 +87,7 @@ def max_speed(value: SupportsFloat | None) -> float | None:
     """Accepts a speed limit in m/s, or None."""
     if value is None:
         return None
-    return _flown_speed(positive(value, "max_speed_m_s", at_most=MAX_SPEED_M_S), "max_speed_m_s")
+    return _checked_speed(positive(value, "max_speed_m_s", at_most=MAX_SPEED_M_S), "max_speed_m_s")
 
 
 def leg_speeds(values: Sequence[SupportsFloat], waypoint_count: int) -> list[float | None]:
@@ -98,7 +98,7 @@ def leg_speeds(values: Sequence[SupportsFloat], waypoint_count: int) -> list[flo
         return [None] * waypoint_count
     if len(speeds) != waypoint_count:
         raise refuse("leg_speeds_m_s", f"{len(speeds)} for {waypoint_count} waypoints; give one for each, or none")
-    return [_flown_speed(speed, field) if speed else None for speed, field in zip(speeds, fields, strict=True)]
+    return [_checked_speed(speed, field) if speed else None for speed, field in zip(speeds, fields, strict=True)]
 
 
 def holds(values: Sequence[SupportsFloat], waypoint_count: int) -> list[float]:
@@ -109,7 +109,7 @@ def holds(values: Sequence[SupportsFloat], waypoint_count: int) -> list[float]:
     return found or [0.0] * waypoint_count
 
 
-def _flown_speed(speed_m_s: float, field: str) -> float:
+def _checked_speed(speed_m_s: float, field: str) -> float:
     if speed_m_s < MIN_SPEED_M_S:
         raise refuse(field, f"{speed_m_s:g} is too slow (at least {MIN_SPEED_M_S:g})")
     return speed_m_s

@@ -7,7 +7,7 @@ import time
 from benchmarks.children import Child
 from benchmarks.effort import RATE_HZ, Effort
 from benchmarks.results import Results
-from benchmarks.setups import Way, flown
+from benchmarks.setups import Way, running_setup
 
 _ARRIVAL_S = 0.3
 """Setpoints that are in transit when the last call has returned arrive within this time."""
@@ -17,7 +17,7 @@ _MEGA = 1e-6
 
 def measure(vehicle: Child, effort: Effort, results: Results, way: Way) -> None:
     """Measures one round of one way: latencies in ms, and the setpoints a second that arrived."""
-    with flown(vehicle, way) as flight:
+    with running_setup(vehicle, way) as flight:
         flight.prefer()
         flight.client.ask("pace", first=1, count=int(RATE_HZ / 2), rate_hz=RATE_HZ)  # warm
         vehicle.ask("setpoints")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from benchmarks.children import Child
 from benchmarks.effort import SUBSCRIBERS, Effort
 from benchmarks.results import Results
-from benchmarks.setups import Way, flown
+from benchmarks.setups import Way, running_setup
 
 _SETTLE_NS = 1_000_000_000
 """The first part is left out, because subscribers are still being opened."""
@@ -14,7 +14,7 @@ _MEGA = 1e-6
 
 def measure(vehicle: Child, effort: Effort, results: Results, way: Way) -> None:
     """Measures one round of one way: latencies in ms over all subscribers, and the share of positions that came."""
-    with flown(vehicle, way) as flight:
+    with running_setup(vehicle, way) as flight:
         flight.prefer()
         for count in SUBSCRIBERS:
             vehicle.ask("positions")

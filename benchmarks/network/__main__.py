@@ -42,7 +42,7 @@ def main() -> int:
             found += wire.measure(arguments.told, arguments.seconds)
     print()
     for each in found:
-        print(each.line())
+        print(each.row())
     return int(not all(each.is_reached for each in found))
 
 

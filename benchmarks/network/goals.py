@@ -18,6 +18,6 @@ class NetworkFigure:
     def is_reached(self) -> bool:
         return self.most is None or self.value <= self.most
 
-    def line(self) -> str:
+    def row(self) -> str:
         wanted = "" if self.most is None else f"  <= {self.most:g}  {'PASS' if self.is_reached else 'FAIL'}"
         return f"{self.what:75} {self.value:9.3f} {self.unit:5}{wanted}"

@@ -103,7 +103,7 @@ def measure(flight: PicturesFlight, count: int, max_age_s: float) -> tuple[Round
     return without, with_them, Pictures(rates, [ms for each in ends for ms in each["took_ms"]], min(sizes) / 1e6)
 
 
-def _line(name: str, parts: Sequence[RoundPart]) -> str:
+def _row(name: str, parts: Sequence[RoundPart]) -> str:
     late_ms = [ms for each in parts for ms in each.late_ms]
     return (
         f"{name:18}{len(late_ms):6d} setpoints: {p50(late_ms):.2f} ms late p50, {p99(late_ms):.2f} p99, "
@@ -149,8 +149,8 @@ def main() -> None:
         count = int(options.seconds * RATE_HZ)
         rounds = [measure(flight, count, options.max_age) for _ in range(options.rounds)]
     without, with_them, pictures = (list(each) for each in zip(*rounds, strict=True))
-    print(_line("without pictures", without))
-    print(_line("with pictures", with_them))
+    print(_row("without pictures", without))
+    print(_row("with pictures", with_them))
     took_ms = [ms for each in pictures for ms in each.took_ms]
     print(f"{len(took_ms)} pictures: {p50(took_ms):.0f} ms from the request p50, {p99(took_ms):.0f} p99\n")
     verdicts = list(_verdicts(without, with_them, pictures))

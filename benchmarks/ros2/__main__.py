@@ -31,7 +31,7 @@ def main() -> None:
         print("\n".join(lateness.table(found)), flush=True)
     if arguments.only != "lateness":
         for count in (1, 10):
-            print(share.measure(ros, count, arguments.seconds).line(), flush=True)
+            print(share.measure(ros, count, arguments.seconds).row(), flush=True)
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ class Share(NamedTuple):
     memory_mib: float
     heard_per_s: float
 
-    def line(self) -> str:
+    def row(self) -> str:
         """Returns it as a line."""
         return (
             f"{self.uavs_count} UAVs, each with velocities in and pose, velocity, odom and tf out at 50 Hz: "

@@ -88,11 +88,11 @@ def _soak(processes: Mapping[str, Process], duration_s: float) -> Iterator[tuple
         yield from newest.items()
         if at_s >= next_line_s:
             next_line_s += _LINE_S
-            print(f"{at_s / 60.0:6.1f} min", *(_line(name, newest[name]) for name in newest), sep="   ", flush=True)
+            print(f"{at_s / 60.0:6.1f} min", *(_row(name, newest[name]) for name in newest), sep="   ", flush=True)
         time.sleep(_PERIOD_S)
 
 
-def _line(name: str, reading: ProcessReading) -> str:
+def _row(name: str, reading: ProcessReading) -> str:
     return (
         f"{name} {reading.resident_mib:.2f} MiB ({reading.anonymous_mib:.2f}) {reading.threads_count} threads "
         f"{reading.descriptors_count} files {reading.processor_s / max(1.0, reading.at_s):.1%}"
@@ -100,7 +100,7 @@ def _line(name: str, reading: ProcessReading) -> str:
 
 
 def _defects(daemon: UalDaemon) -> list[str]:
-    return [line for line in daemon.said().splitlines() if _DEFECT.search(line)]
+    return [line for line in daemon.log_text().splitlines() if _DEFECT.search(line)]
 
 
 if __name__ == "__main__":

@@ -52,12 +52,12 @@ def fly_light(output: Path) -> Iterator[TargetRow]:
     """Flies the light simulation."""
     calm, windy, velocities = {}, {}, {}
     for name, limits in light.VEHICLES.items():
-        calm[name] = light.lines(limits)
+        calm[name] = light.diagonal_flights(limits)
         flights = {way: [line.flown] for way, line in calm[name].items()}
         print(report.flights_table(name, flights), end="\n\n")
         plots.flights(output / f"tracker-{name.replace(' ', '-')}.svg", name, flights)
-        windy[name] = light.line(OURS, limits, wind_m_s=light.WIND_M_S)
-        velocities[name] = light.line(OURS, {**limits, **light.VELOCITIES_ONLY})
+        windy[name] = light.diagonal_flight(OURS, limits, wind_m_s=light.WIND_M_S)
+        velocities[name] = light.diagonal_flight(OURS, {**limits, **light.VELOCITIES_ONLY})
     zigzags = {OURS: light.zigzag(Tracker.REFERENCE), PURSUIT: light.zigzag(Tracker.PURSUIT)}
     for way, each in zigzags.items():
         print(

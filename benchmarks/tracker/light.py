@@ -117,7 +117,7 @@ VELOCITIES_ONLY: Mapping[str, object] = {"takes": "velocities"}
 """An autopilot that takes no positions."""
 
 
-def line(way: str, limits: Mapping[str, object], *, wind_m_s: float = 0.0) -> DiagonalFlight:
+def diagonal_flight(way: str, limits: Mapping[str, object], *, wind_m_s: float = 0.0) -> DiagonalFlight:
     """Flies once along the diagonal with a quarter turn. The wind (if any) is across."""
     tracker = Tracker.PURSUIT if way == PURSUIT else Tracker.REFERENCE
     across = Vector3(-DIAGONAL.y, DIAGONAL.x, 0.0) / DIAGONAL.horizontal_norm() * wind_m_s
@@ -130,7 +130,7 @@ def line(way: str, limits: Mapping[str, object], *, wind_m_s: float = 0.0) -> Di
         planned_s = prepared.plan.duration_s
         if planned_s is None:
             raise AssertionError("a go-to was planned without a duration")
-        least_s = optimal.line_s(DIAGONAL, uav.limits)
+        least_s = optimal.straight_s(DIAGONAL, uav.limits)
         if way == FAR:
             uav.vehicle.commands.setpoints.set_pose(PoseStamped(goal))
             uav.run(least_s * 2.0)
@@ -140,9 +140,9 @@ def line(way: str, limits: Mapping[str, object], *, wind_m_s: float = 0.0) -> Di
         return DiagonalFlight(TrackedFlight(start, goal.position, list(uav.places)), planned_s, least_s)
 
 
-def lines(limits: Mapping[str, object]) -> dict[str, DiagonalFlight]:
+def diagonal_flights(limits: Mapping[str, object]) -> dict[str, DiagonalFlight]:
     """Flies the same flight in each way."""
-    return {way: line(way, limits) for way in WAYS}
+    return {way: diagonal_flight(way, limits) for way in WAYS}
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ RAMP_S = 0.4
 """The jerk limit is the acceleration limit over this time (docs/concepts/architecture.md: it tilts within 0.3 s)."""
 
 
-def line_s(way: Vector3, limits: Limits) -> float:
+def straight_s(way: Vector3, limits: Limits) -> float:
     """Returns the shortest time, in seconds, from rest to rest along a straight line. Each limit applies to its own
     axis.
     """

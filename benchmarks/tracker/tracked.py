@@ -49,14 +49,14 @@ class TrackedFlight:
         return math.inf if far[-1] == self.places[-1].time_s else far[-1] - self.places[0].time_s
 
     @property
-    def off_line_m(self) -> list[float]:
+    def cross_track_m(self) -> list[float]:
         """Returns how far each place is from the line, until the goal was reached."""
         until_s = self.places[0].time_s + self.within_s()
         return [self._split(place.position)[1] for place in self.places if place.time_s <= until_s]
 
     @property
     def widest_m(self) -> float:
-        return max(self.off_line_m)
+        return max(self.cross_track_m)
 
     @property
     def widest_ever_m(self) -> float:
@@ -65,7 +65,7 @@ class TrackedFlight:
 
     @property
     def rms_m(self) -> float:
-        off = self.off_line_m
+        off = self.cross_track_m
         return math.sqrt(math.fsum(each * each for each in off) / len(off))
 
     @property

@@ -37,7 +37,7 @@ class MemoryTransport(BridgeTransport):
 
     @property
     @override
-    def heard(self) -> int:
+    def received_count(self) -> int:
         return self._heard
 
     @override

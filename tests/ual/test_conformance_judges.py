@@ -404,7 +404,7 @@ def test_each_check_that_is_defined_is_in_the_list() -> None:
 def test_a_geofence_that_makes_no_sense_is_found(sabotaged: Sabotaged, wrong: Geofence) -> None:
     sabotaged.replaced["geofence"] = lambda: wrong
     with pytest.raises(CheckFailedError, match="geofence"):
-        run(sabotaged, "the_geofence_is_told")
+        run(sabotaged, "the_geofence_is_reported")
 
 
 def test_checks_have_names_and_descriptions_of_their_own() -> None:

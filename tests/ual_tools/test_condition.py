@@ -91,7 +91,7 @@ def test_each_trouble_has_its_urgency_and_words(changes: dict[str, object], leve
 
 
 def test_what_is_not_the_present_is_lost_however_well_it_was() -> None:
-    how = condition.of_seen(WatchedUav(90.0, FLYING), now_s=100.0, lost_after_s=2.0)
+    how = condition.uav_condition(WatchedUav(90.0, FLYING), now_s=100.0, lost_after_s=2.0)
     assert how == UavCondition(Urgency.ALARM, "LOST", *["no telemetry for 10 s, it was FLYING_AUTO"] * 2)
     assert condition.of_answer(DaemonUnreachableError("no\nanswer")) == UavCondition(
         Urgency.ALARM, "DAEMON_UNREACHABLE", "no answer", "no answer"

@@ -335,22 +335,22 @@ def sample(state: State, reason: str = "in the air") -> Telemetry:
 def test_only_what_ual_flies_is_landed() -> None:
     flown = Watched("uav_1", lambda _: None)
     flown.see(sample(State.FLYING_AUTO, f"OFFBOARD; UAL has not been commanded, and {SENDS_NOTHING}"))
-    assert not flown.is_flown_by_us  # a ground station's
+    assert not flown.is_in_control  # a ground station's
     flown.see(sample(State.FLYING_AUTO))
-    assert flown.is_flown_by_us
+    assert flown.is_in_control
     flown.gone()  # its daemon has died, and is started again
     flown.see(sample(State.UNINITIALIZED))
     flown.see(sample(State.FLYING_AUTO, SENDS_NOTHING))
     flown.see(sample(State.FLYING_MANUAL, "mode AUTO.RTL"))  # the autopilot's failsafe without setpoints
-    assert flown.is_flown_by_us
+    assert flown.is_in_control
     flown.see(sample(State.FLYING_AUTO))
     flown.see(sample(State.FLYING_MANUAL))
-    assert not flown.is_flown_by_us  # the safety pilot has it
+    assert not flown.is_in_control  # the safety pilot has it
     flown.see(sample(State.FLYING_AUTO, SENDS_NOTHING))
-    assert not flown.is_flown_by_us
+    assert not flown.is_in_control
     flown.see(sample(State.LANDING))
     flown.see(sample(State.LANDED_ARMED))
-    assert not flown.is_flown_by_us
+    assert not flown.is_in_control
 
 
 def test_the_reason_by_which_a_flight_is_not_ours_is_the_daemons() -> None:
@@ -475,7 +475,7 @@ def test_its_output_can_go_into_a_file(tmp_path: Path) -> None:
 
 def test_lines_come_without_what_a_terminal_obeys(capsys: pytest.CaptureFixture[str]) -> None:
     with TeamLog(["px4"]) as log:
-        log.line("px4", "\x1b[31mred\x1b[0m \x1b]0;title\x07 \x1b[2J end\r")
+        log.write("px4", "\x1b[31mred\x1b[0m \x1b]0;title\x07 \x1b[2J end\r")
     assert capsys.readouterr().out == "px4    red   end\n"
 
 
@@ -486,7 +486,7 @@ def test_a_pipe_that_is_closed_ends_nothing(monkeypatch: pytest.MonkeyPatch) -> 
         monkeypatch.setattr("sys.stdout", closed)
         with TeamLog(["px4"]) as log:
             for _ in range(3):
-                log.line("px4", "up")
+                log.write("px4", "up")
                 log.state("px4", "ready")
 
 
@@ -498,8 +498,8 @@ def test_a_log_that_nobody_reads_delays_nothing(monkeypatch: pytest.MonkeyPatch)
         monkeypatch.setattr("sys.stdout", full)
         with TeamLog(["px4"]) as log:
             for _ in range(1000):
-                log.line("px4", "x" * 1000)  # more than the pipe takes
+                log.write("px4", "x" * 1000)  # more than the pipe takes
             with os.fdopen(read) as reader:
                 while "lines lost" not in (line := reader.readline()):
-                    log.line("px4", "y")
+                    log.write("px4", "y")
         assert "lines lost: the log is not read fast enough" in line

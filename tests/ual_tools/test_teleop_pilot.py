@@ -285,7 +285,7 @@ def test_the_screen_fits(width: int, height: int) -> None:
     vehicle.refusal = ScreenMessage("sticks: WRONG_STATE: set_velocity needs the state FLYING_AUTO, " * 5, flight.now_s)
     vehicle.done = ScreenMessage("landing", flight.now_s)
     keys = Keyboard()
-    shown = board.lines(
+    shown = board.screen_rows(
         flight.pilot.view(), keys.title, keys.help, "take-off? Enter confirms", width=width, height=height
     )
     assert len(shown) <= height

@@ -221,8 +221,8 @@ def test_daemons_that_are_known_stay_where_they_cannot_be_looked_for() -> None:
         return answer
 
     roster = WatchRoster(CommandSession(), Board([], 5.0), 5.0, said.append, choose)
-    roster.look()
-    roster.look()
+    roster.refresh()
+    roster.refresh()
     assert said == ["ual: daemons that begin or end are not seen now: Too many open files"]
 
 
@@ -232,28 +232,28 @@ def test_daemons_appear_and_vanish(start_daemon: StartDaemon, monkeypatch: pytes
     roster = WatchRoster(CommandSession(), board, 5.0, said.append)
 
     def telemetry_of(ns: str) -> Telemetry | None:
-        return board.seen()[ns].telemetry
+        return board.watched_uavs()[ns].telemetry
 
     def wait_for_telemetry(ns: str) -> None:
-        until(lambda: telemetry_of(ns), f"telemetry of {ns}", seen=board.seen)
+        until(lambda: telemetry_of(ns), f"telemetry of {ns}", seen=board.watched_uavs)
 
     start_daemon(ns="uav_10").wait_for("listening")
     roster.update()
-    assert list(board.seen()) == ["uav_10"]
+    assert list(board.watched_uavs()) == ["uav_10"]
     second = start_daemon(ns="uav_2")
     second.wait_for("listening")
     roster.update()
-    assert list(board.seen()) == ["uav_2", "uav_10"]
+    assert list(board.watched_uavs()) == ["uav_2", "uav_10"]
     wait_for_telemetry("uav_2")
     second.process.kill()
     second.wait()
     roster.update()
-    assert board.seen()["uav_2"].gone_s is not None
+    assert board.watched_uavs()["uav_2"].gone_s is not None
     assert said[-1] == "ual: uav_2: its daemon has ended"
     board.put("uav_2", FLYING)  # its last sample comes late
-    assert board.seen()["uav_2"].gone_s is not None
+    assert board.watched_uavs()["uav_2"].gone_s is not None
     monkeypatch.setattr(watch_board, "GONE_S", 0.0)
-    assert list(board.seen()) == ["uav_10"]
+    assert list(board.watched_uavs()) == ["uav_10"]
     start_daemon(ns="uav_2").wait_for("listening")
     roster.update()
     wait_for_telemetry("uav_2")
@@ -268,6 +268,6 @@ def test_many_uavs_are_asked_less_often(count: int, rate_hz: float) -> None:
 def test_why_there_is_no_telemetry_stays_until_there_is() -> None:
     board = Board(["uav_1"], 5.0)
     board.put_error("uav_1", DaemonUnreachableError("no daemon answers"))
-    assert board.seen()["uav_1"].why == "DAEMON_UNREACHABLE: no daemon answers"
+    assert board.watched_uavs()["uav_1"].why == "DAEMON_UNREACHABLE: no daemon answers"
     board.put("uav_1", FLYING)
-    assert board.seen()["uav_1"].why == ""
+    assert board.watched_uavs()["uav_1"].why == ""

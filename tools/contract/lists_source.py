@@ -23,7 +23,7 @@ _OFFERS = (
     ROOT / "ual_daemon" / "backends" / "light",
     ROOT / "ual_daemon" / "backends" / "mavlink" / "offers",
 )
-"""Folders in which a module may offer a service: its function ``offered`` makes the offer."""
+"""Folders in which a module may offer a service: its function ``make_driver`` makes the offer."""
 _PAGE = ROOT / "docs" / "reference" / "contract.rst"
 
 
@@ -78,16 +78,16 @@ def _commands(owners: Sequence[ContractPart]) -> str:
 def _offers(room: Path) -> str:
     """Returns the module with what a backend offers."""
     found = {path.stem: functions(parsed(path)) for path in sorted(room.glob("*.py"))}
-    made = {module: each["offered"] for module, each in found.items() if "offered" in each}
+    made = {module: each["make_driver"] for module, each in found.items() if "make_driver" in each}
     first = next(iter(made))
     arguments = ast.unparse(made[first].args)
     if other := [module for module, each in made.items() if ast.unparse(each.args) != arguments]:
         raise SystemExit(
-            f"{room.relative_to(ROOT)}: offered() of {', '.join(other)} has not the arguments ({arguments})"
+            f"{room.relative_to(ROOT)}: make_driver() of {', '.join(other)} has not the arguments ({arguments})"
         )
     passed = ", ".join(each.arg for each in made[first].args.args)
     package = ".".join(room.relative_to(ROOT).parts)
-    rows = "".join(f"        {module}.offered({passed}),\n" for module in made)
+    rows = "".join(f"        {module}.make_driver({passed}),\n" for module in made)
     return (
         f'"""Services that are offered by modules that nothing else names. {_MAKE}"""\n\n'
         f"from __future__ import annotations\n\n"

@@ -54,11 +54,14 @@ def code(shapes: Shapes) -> dict[Path, str]:
 
 
 def _values(structs: Sequence[Struct]) -> str:
-    body = [*(_told(each) for each in structs if each.is_told), *(_read(each) for each in structs if each.is_asked)]
+    body = [
+        *(_fields_function(each) for each in structs if each.is_told),
+        *(_read(each) for each in structs if each.is_asked),
+    ]
     return _module("Messages of ``ual_msgs`` and values of UAL, by the rules of the contract.", "\n\n".join(body))
 
 
-def _told(struct: Struct) -> str:
+def _fields_function(struct: Struct) -> str:
     """Returns the function that makes the fields of a message."""
     head = (
         f"def {snake(struct.name)}_fields(value: {struct.kind}) -> Fields:\n"
@@ -249,14 +252,14 @@ def _names(structs: Sequence[Struct], served: Sequence[Served]) -> str:
 
 def _client_values(structs: Sequence[Struct], served: Sequence[Served]) -> str:
     body = [
-        *(_told(each) for each in structs if not each.is_told),
+        *(_fields_function(each) for each in structs if not each.is_told),
         *(_read(each) for each in structs if not each.is_asked),
-        *(_asked(each) for each in served if each.member and each.is_whole and _is_asked(each)),
+        *(_request_function(each) for each in served if each.member and each.is_whole and _has_request(each)),
     ]
     return _module("Requests and answers of the tests' program in ROS.", "\n\n".join(body), structs)
 
 
-def _is_asked(served: Served) -> bool:
+def _has_request(served: Served) -> bool:
     """Returns whether a member of the tests' program has its request: a derived one, or one by hand."""
     return served.is_of_service or any(_asks(served) in path.read_text("utf-8") for path in TESTS.glob("ros_*.py"))
 
@@ -316,7 +319,7 @@ def _asks(served: Served) -> str:
     return f"ask_{_function(served)}"
 
 
-def _asked(served: Served) -> str:
+def _request_function(served: Served) -> str:
     names = [name for name, _ in served.arguments]
     signature = f"*, {', '.join(f'{each}: Any' for each in names)}" if names else ""
     items = [each for each in served.request.items if re.search(r"\{\w+\}", each.told)]

@@ -15,8 +15,8 @@ _FIRST = 3
 
 def missed(site: Path) -> list[str]:
     """Returns the searches whose page is not among the first three, with what was found instead."""
-    wanted = dict(_lines("searches_wanted.txt", ": "))
-    queries = [query for query, _ in _lines("searches.txt", "|")]
+    wanted = dict(_rows("searches_wanted.txt", ": "))
+    queries = [query for query, _ in _rows("searches.txt", "|")]
     if unwanted := set(queries) ^ set(wanted):
         return [f"{query}: in one of the two files only" for query in sorted(unwanted)]
     return [
@@ -26,7 +26,7 @@ def missed(site: Path) -> list[str]:
     ]
 
 
-def _lines(name: str, separator: str) -> Iterator[tuple[str, str]]:
+def _rows(name: str, separator: str) -> Iterator[tuple[str, str]]:
     for line in (_DATA / name).read_text(encoding="utf-8").splitlines():
         if not line.startswith("#"):
             left, _, right = line.partition(separator)

@@ -17,7 +17,7 @@ T = TypeVar("T")
 _snapshot: ContextVar[Snapshot | None] = ContextVar("ual_judged", default=None)
 
 
-def judged_by(snapshot: Snapshot, command: Callable[[], T]) -> T:
+def call_with_snapshot(snapshot: Snapshot, command: Callable[[], T]) -> T:
     """Calls what commands the backend, by a snapshot in which that was judged."""
     token = _snapshot.set(snapshot)
     try:
@@ -26,6 +26,6 @@ def judged_by(snapshot: Snapshot, command: Callable[[], T]) -> T:
         _snapshot.reset(token)
 
 
-def judged() -> Snapshot | None:
+def command_snapshot() -> Snapshot | None:
     """Returns the snapshot by which the present command was judged; None for the newest one."""
     return _snapshot.get()

@@ -37,7 +37,7 @@ class Host:
             return numeric
         if self._found is None:
             self._found = Future()
-            threading.Thread(target=self._look_up, args=(self._found,), name="host name", daemon=True).start()
+            threading.Thread(target=self._resolve, args=(self._found,), name="host name", daemon=True).start()
         done, _ = concurrent.futures.wait([self._found], timeout=_PATIENCE_S)
         if not done:  # a timeout error would be ambiguous: a name service that times out raises the same
             raise self._error(f"looking for the host {self._name}")
@@ -58,7 +58,7 @@ class Host:
             return family, cast("Address", (self._name, self._port, *more))
         return None
 
-    def _look_up(self, found: Future[tuple[socket.AddressFamily, Address]]) -> None:
+    def _resolve(self, found: Future[tuple[socket.AddressFamily, Address]]) -> None:
         try:
             family, _, _, _, address = socket.getaddrinfo(self._name, self._port, type=self._kind)[0]
         except (OSError, UnicodeError) as error:

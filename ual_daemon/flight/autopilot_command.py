@@ -8,7 +8,7 @@ from concurrent.futures import Future
 from ual.errors import RejectedByAutopilotError, UalError, UalTimeoutError
 from ual_daemon import traces
 from ual_daemon.backends import futures
-from ual_daemon.backends.command_snapshot import judged_by
+from ual_daemon.backends.command_snapshot import call_with_snapshot
 from ual_daemon.backends.values import Snapshot
 
 COMMAND_PATIENCE_S = 5.0
@@ -44,7 +44,7 @@ class AutopilotCommand:
             self._said_before = judged.condition.status_text
         end_trace = traces.begin(f"autopilot: {self.what}", self._trace)
         try:
-            self._ack = sender() if judged is None else judged_by(judged, sender)
+            self._ack = sender() if judged is None else call_with_snapshot(judged, sender)
         except UalError as error:
             self._ack = futures.failed(error)
         except BaseException as error:  # a defect is the caller's to handle; what waits for an answer ends all the same

@@ -25,10 +25,10 @@ _UNTIL = "UAL sends nothing until it is commanded anew"
 class Explanation:
     """Additions to the reasons of one UAV's states. Any thread may call, except `update`: only the update thread."""
 
-    def __init__(self, backend: Backend, authority: Authority, is_flown_by_us: Callable[[], bool]) -> None:
+    def __init__(self, backend: Backend, authority: Authority, is_in_control: Callable[[], bool]) -> None:
         self._backend = backend
         self._authority = authority
-        self._is_flown_by_us = is_flown_by_us
+        self._is_in_control = is_in_control
         self._other_sender = ""
         self.external_silence = ExternalSilence()
         self.note = ""
@@ -64,7 +64,7 @@ class Explanation:
         self.note = "".join((self._not_commanded(), f"; {other}" if other else "", f"; {trouble}" if trouble else ""))
 
     def _not_commanded(self) -> str:
-        if self._is_flown_by_us():
+        if self._is_in_control():
             return ""
         loss, lost = self._backend.info().setpoint_loss, self._authority.given_up or self._authority.taken
         why = f"; {lost}: {_UNTIL}" if lost else _NOT_COMMANDED

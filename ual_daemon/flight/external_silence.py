@@ -32,7 +32,7 @@ class ExternalSilence:
         self.is_doubtful = False
         """Whether they have been doubted at all: no call for each sample of others."""
 
-    def heard(self, now_s: float) -> None:
+    def on_pose(self, now_s: float) -> None:
         """Notes that a pose was given to the autopilot."""
         if self._last_s is None or now_s - self._last_s > NOTICED_S:
             self._since_s = now_s

@@ -142,7 +142,7 @@ class Flight:
         """The `Following.count` for which what was flown has ended, and that which the log has."""
         self._withdrawn: tuple[Manoeuvre, float] | None = None
         """Manoeuvre that was withdrawn in a fall, and when: the mode of its command may come yet."""
-        self._explanation = Explanation(backend, self.authority, self.is_flown_by_us)
+        self._explanation = Explanation(backend, self.authority, self.is_in_control)
         self.external_silence = self._explanation.external_silence
         self.position = PositionWatch(self.external_silence)
         """Watch of the sources of the position."""
@@ -150,7 +150,7 @@ class Flight:
         self.sender = SetpointSender(backend, limits, self._flown)
         self._stopping = Stopping(limits, geofence)
         self._watched = WatchedCommands()
-        self._rules = ReferenceRules(backend, limits, geofence, self.authority, self.drift, self.is_flown_by_us)
+        self._rules = ReferenceRules(backend, limits, geofence, self.authority, self.drift, self.is_in_control)
         self._stepper = FlightStepper(
             backend, self._flown, self._exchange, self._rules, self.sender, self._stopping, self._watched
         )
@@ -185,7 +185,7 @@ class Flight:
         if found.state is not State.UNINITIALIZED:
             is_plain = declared is not None or found.state is State.FLYING_AUTO  # no call for each setpoint
             found = found if is_plain else explanation.taken(self.arming.explained(found), snapshot)
-            return self.following.told(found) if self.following.why else found
+            return self.following.with_reason(found) if self.following.why else found
         explained, does = explanation.explained(found, snapshot), "" if manoeuvre is None else manoeuvre.unseen
         return replace(explained, why=f"{explained.why}; {does}") if does else explained
 
@@ -205,7 +205,7 @@ class Flight:
         """Whether the next update has something to do."""
         return not (self._flown.manoeuvre is None and self._watched.is_empty and self._shutdown is None)
 
-    def is_flown_by_us(self) -> bool:
+    def is_in_control(self) -> bool:
         """Returns whether UAL may send what flies: it was commanded in this flight, or the UAV falls without it."""
         return self.authority.is_ours or (
             not self.is_watch_only and self._backend.info().setpoint_loss is SetpointLoss.FALLS
@@ -259,10 +259,10 @@ class Flight:
         reference = self._current_reference()
         return None if reference is None else reference.pose()
 
-    def way(self, snapshot: Snapshot) -> RunningRoute | None:
+    def running_route(self, snapshot: Snapshot) -> RunningRoute | None:
         """Returns the way that is flown; None where none is known."""
         manoeuvre = self._flown.manoeuvre
-        points = () if manoeuvre is None else manoeuvre.way(snapshot.time_s)
+        points = () if manoeuvre is None else manoeuvre.path_points(snapshot.time_s)
         if manoeuvre is None or not points:
             return None
         return RunningRoute(points, "" if manoeuvre.task is None else manoeuvre.task.id, manoeuvre.is_goal_moving)
@@ -609,7 +609,7 @@ class Flight:
 
     def prepare_shutdown(self) -> Future[None]:
         """See `ual_daemon.vehicle.vehicle.Vehicle.prepare_shutdown`."""
-        shutdown = Shutdown(self._backend, self.is_flown_by_us)
+        shutdown = Shutdown(self._backend, self.is_in_control)
         self._exchange(None, partial(self._ends_with_shutdown, shutdown))
         begun = self._shutdown
         assert begun is not None
@@ -642,7 +642,7 @@ class Flight:
 
     def close(self) -> None:
         """Ends what is left. To be called once no more updates come."""
-        shutdown = Shutdown(self._backend, self.is_flown_by_us)
+        shutdown = Shutdown(self._backend, self.is_in_control)
         error = TaskAbortedError(f"{self._backend.options.ns} was closed", {"by": "close"})
         self._exchange(None, partial(self._ends_with_close, shutdown, error))
         self.sender.forget()
@@ -701,7 +701,7 @@ class Flight:
         following, old = self.following, self._flown.manoeuvre
         if self._logged_fall != following.count:
             self._logged_fall = following.count
-            logs.event(_log, logging.ERROR, "does_not_follow", why=following.why, remedy=following.told(raw).why)
+            logs.event(_log, logging.ERROR, "does_not_follow", why=following.why, remedy=following.with_reason(raw).why)
         is_first, is_own = self._stood_by != following.count, self._is_in_withdrawn_mode(old, snapshot, raw)
         is_idle = isinstance(old, StandBy | Landing | Recover) or (old is None and not self._has_references(raw))
         if is_idle and not is_first and not is_own:
@@ -747,7 +747,7 @@ class Flight:
         return raw.state in (State.TAKING_OFF, State.FLYING_MANUAL) and self.arming.is_ours_to_end
 
     def _has_references(self, raw: Estimate) -> bool:
-        return raw.state is State.FLYING_AUTO and self.is_flown_by_us()
+        return raw.state is State.FLYING_AUTO and self.is_in_control()
 
     def _end_own_flight(self, snapshot: Snapshot, state: State) -> Handover | None:
         """Returns what ends what the autopilot flies by itself; None where it takes no other mode."""

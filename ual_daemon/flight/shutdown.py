@@ -28,13 +28,13 @@ class Shutdown:
     """One handover to the autopilot. `future` ends when the UAV needs no more references from UAL, or with a
     LinkLostError when it is not known for too long whether it does.
 
-    `is_flown_by_us` returns whether UAL flies it: the flight of others is left alone.
+    `is_in_control` returns whether UAL flies it: the flight of others is left alone.
     """
 
-    def __init__(self, backend: Backend, is_flown_by_us: Callable[[], bool]) -> None:
+    def __init__(self, backend: Backend, is_in_control: Callable[[], bool]) -> None:
         self.future: Future[None] = Future()
         self._backend = backend
-        self._is_flown_by_us = is_flown_by_us
+        self._is_in_control = is_in_control
         self._hold: AutopilotCommand | None = None
         self._blind_since_s: float | None = None
         self._error: UalError | None = None
@@ -76,7 +76,7 @@ class Shutdown:
         landed = snapshot.control.landed
         is_on_ground = landed is not None and landed.value is LandedState.ON_GROUND
         is_heard = snapshot.heard_s is not None and not is_on_ground
-        return is_heard and self._is_flown_by_us() and self._state(snapshot) is State.UNINITIALIZED
+        return is_heard and self._is_in_control() and self._state(snapshot) is State.UNINITIALIZED
 
     def _has_waited(self, snapshot: Snapshot, does: str = "") -> bool:
         """Returns whether the state has stayed unknown for too long. `does` is UAL's action meanwhile,
@@ -92,7 +92,7 @@ class Shutdown:
 
     def _begin_hold(self, snapshot: Snapshot) -> bool:
         """Sends the hold command if that is still to do. Returns whether this call sent it."""
-        if not self._is_flown_by_us() or self._state(snapshot) is not State.FLYING_AUTO:
+        if not self._is_in_control() or self._state(snapshot) is not State.FLYING_AUTO:
             return False
         with self._lock:  # the caller of the shutdown and the updates come from different threads
             if self._hold is not None:

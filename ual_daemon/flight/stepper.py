@@ -154,12 +154,12 @@ class FlightStepper:
 
         It must not be sent after that: the safety pilot may have taken over.
         """
-        if _is_control_given_up(snapshot):
+        if _is_control_released(snapshot):
             return
         hold = AutopilotCommand("hold its position")
         logs.event(_log, logging.WARNING, "hold_by_autopilot", why=f"{during} was stopped")
         with suppress(WrongStateError):  # UAL is shutting down
-            self._watched.add(hold, _is_control_given_up)
+            self._watched.add(hold, _is_control_released)
         hold.send(self._backend.hold, snapshot)
 
 
@@ -175,7 +175,7 @@ def has_led_to_ground(manoeuvre: Manoeuvre, snapshot: Snapshot) -> bool:
     return is_led and control.mode is not None and control.mode.value.control is Control.REFERENCES
 
 
-def _is_control_given_up(snapshot: Snapshot) -> bool:
+def _is_control_released(snapshot: Snapshot) -> bool:
     """Returns whether the autopilot is in a mode in which it does not obey UAL."""
     return snapshot.control.mode is not None and snapshot.control.mode.value.control not in (
         Control.REFERENCES,

@@ -99,13 +99,13 @@ class Area:
 
     def has_segment(self, a: Point2, b: Point2) -> bool:
         """Returns whether all of a segment lies inside, or on the edge."""
-        return self.is_everywhere or self._covers(_line(a, b))
+        return self.is_everywhere or self._covers(_edge_between(a, b))
 
     def is_entered_once(self, a: Point2, b: Point2) -> bool:
         """Returns whether the part of a segment that lies inside is in one piece at most."""
         if self.is_everywhere:
             return True
-        part = self._part(_line(a, b))
+        part = self._part(_edge_between(a, b))
         if part.geom_type == "MultiLineString":  # also where it only touches a corner
             from shapely import line_merge
 
@@ -115,14 +115,14 @@ class Area:
     def is_touched(self, a: Point2, b: Point2) -> bool:
         """Returns whether any part of a segment lies inside, or on the edge."""
         if self._inside is not None:
-            return self._inside.intersects(_line(a, b))
-        return self._obstacle is None or not self._obstacle.covers(_line(a, b))
+            return self._inside.intersects(_edge_between(a, b))
+        return self._obstacle is None or not self._obstacle.covers(_edge_between(a, b))
 
     def outside_m(self, a: Point2, b: Point2) -> float:
         """Returns how much of a segment lies outside."""
         if self.is_everywhere:
             return 0.0
-        line = _line(a, b)
+        line = _edge_between(a, b)
         return max(0.0, line.length - self._part(line).length)
 
     def distance_m(self, point: Point2) -> float:
@@ -162,7 +162,7 @@ class Area:
         found = next((zone.name for zone in self._zones if not zone.admits(goal)), "")
         if found or a is None:
             return found
-        way, start = _line(a, b), _point(a)
+        way, start = _edge_between(a, b), _point(a)
         crossed = [zone for zone in self._zones if not zone.admits(way)]
         crossed.sort(key=lambda zone: not zone.admits(start))  # first those that are not left, but entered on the way
         return crossed[0].name if crossed else ""
@@ -235,7 +235,7 @@ def _point(point: Point2) -> BaseGeometry:
     return Point(point)
 
 
-def _line(a: Point2, b: Point2) -> BaseGeometry:
+def _edge_between(a: Point2, b: Point2) -> BaseGeometry:
     from shapely import LineString
 
     return LineString([a, b])

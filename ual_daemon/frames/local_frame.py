@@ -142,7 +142,7 @@ class LocalFrame:
         if snapshot.link.boots_count != self._boots_count:
             self._begin_boot(snapshot)
         self._begun(snapshot)
-        self._place(snapshot)
+        self._follow_origin(snapshot)
         self._restore(snapshot)
         self._tie(snapshot)
         self._is_settled = self._is_all_known(snapshot)
@@ -177,7 +177,7 @@ class LocalFrame:
         self.home, self.start = _noticed(home), start
         self.map_loss = Loss(wait, utc_text(), "it is known again once the autopilot has its satellite fix")
 
-    def _place(self, snapshot: Snapshot) -> None:
+    def _follow_origin(self, snapshot: Snapshot) -> None:
         """Follows to where the local frame is on Earth now."""
         new, old = snapshot.earth.projection, self.projection
         if new is None:
@@ -262,13 +262,15 @@ class LocalFrame:
             self._give_up("home was set before the daemon was restarted, and nothing tied it to Earth")
         elif self.projection is not None and self._has_fix(snapshot):
             self._saved = None
-            self._place_saved(saved.home, saved.start, self.projection, snapshot.motion.pose.value, is_landed=is_landed)
+            self._restore_saved(
+                saved.home, saved.start, self.projection, snapshot.motion.pose.value, is_landed=is_landed
+            )
 
     def _give_up(self, why: str) -> None:
         """Loses what was saved: only a new home helps."""
         self.home, self.start = _noticed(Anchor().lost(why, SET_HOME)), Anchor().lost(why, SET_HOME)
 
-    def _place_saved(
+    def _restore_saved(
         self, home: GeoPoint, start: GeoPoint | None, projection: Projection, here: Pose, *, is_landed: bool
     ) -> None:
         placed = Anchor(geo=home).followed(projection)

@@ -15,13 +15,13 @@ JUMP_S = 1.0
 
 
 class ClockWatch:
-    """Logs each jump of the computer's clock. `look` is called again and again, with the time of one that has none."""
+    """Logs each jump of the computer's clock. `compare` is called regularly, with the time of a monotonic clock."""
 
     def __init__(self, clock_s: Callable[[], float] = time.time) -> None:
         self._clock_s = clock_s
         self._offset_s: float | None = None
 
-    def look(self, now_s: float) -> None:
+    def compare(self, now_s: float) -> None:
         """Compares both clocks."""
         offset_s = self._clock_s() - now_s
         if self._offset_s is not None and abs(offset_s - self._offset_s) >= JUMP_S:

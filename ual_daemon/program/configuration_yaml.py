@@ -26,7 +26,7 @@ class FileSource(ValuesSource):
 
     @override
     def describe(self, error: ConfigError) -> str:
-        return f"{self.path}:{_line_of(self.root, error.key)}: {error}"
+        return f"{self.path}:{_row_of(self.root, error.key)}: {error}"
 
 
 def dump(values: Mapping[str, Any], defaults: Mapping[str, Any]) -> str:
@@ -96,7 +96,7 @@ def _read_data(data: bytes, before_line: str) -> tuple[yaml.Node | None, dict[st
     return node, values
 
 
-def _line_of(node: yaml.Node | None, key: str) -> int:
+def _row_of(node: yaml.Node | None, key: str) -> int:
     """Returns the line of a key, or the line of the value around it if the key is missing."""
     line = 1
     for step in steps(key):

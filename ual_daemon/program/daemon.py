@@ -178,13 +178,13 @@ class Daemon:
         trimming = asyncio.create_task(heap.keep_trimmed())
         trimming.add_done_callback(_log_failure)
         kept = [file.keep for uav in self._uavs for file in uav.vehicle.kept_files]
-        upkeep = Upkeep([ClockWatch().look, *(uav.namespace.keep for uav in self._uavs), *kept])
+        upkeep = Upkeep([ClockWatch().compare, *(uav.namespace.keep for uav in self._uavs), *kept])
         upkeep.start()
         try:
             for each in served:
                 each.open()
             if self._network is not None:
-                self._network.start([each.told() for each in served])
+                self._network.start([each.announced() for each in served])
             await stop.wait()
         finally:
             trimming.cancel()
@@ -279,7 +279,7 @@ class _Served:
             pid=os.getpid(),
         )
 
-    def told(self) -> UavAnnouncement:
+    def announced(self) -> UavAnnouncement:
         """Returns what the network is told of it."""
         from ual_daemon.program.network.announcement import UavAnnouncement
 
@@ -340,7 +340,7 @@ class _Served:
         error = safe.exception()
         if error is not None:
             return self._leave_in_flight(str(error))
-        if self._vehicle.state() is State.FLYING_AUTO and self._vehicle.is_flown_by_us():
+        if self._vehicle.state() is State.FLYING_AUTO and self._vehicle.is_in_control():
             return self._leave_in_flight("the autopilot did not take over: it still waits for setpoints")
         return True
 

@@ -59,7 +59,7 @@ def urls(count: int | None, given: Sequence[str], key: Callable[[str], str] = st
     return list(given)
 
 
-def places(urls: Sequence[str | None], spacing_m: float) -> list[Vector3]:
+def grid_positions(urls: Sequence[str | None], spacing_m: float) -> list[Vector3]:
     """Returns where simulated UAVs stand, relative to the first one: in rows of `ROW`, so that a UAV's position does
     not depend on how many there are. Vehicles with a URL stand where they stand: all get the same place.
     """

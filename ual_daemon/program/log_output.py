@@ -44,7 +44,7 @@ class TextFormatter(logging.Formatter):
     def formatMessage(self, record: logging.LogRecord) -> str:
         when = time.strftime("%Y-%m-%d %H:%M:%S", time.localtime(record.created))
         head = f"{when}.{int(record.msecs):03d} {record.levelname:<7} {record.name.removeprefix('ual_daemon.')}: "
-        return head + line_of(record)
+        return head + text_of(record)
 
 
 class JsonFormatter(logging.Formatter):
@@ -66,12 +66,12 @@ class JsonFormatter(logging.Formatter):
         return json.dumps(fields, default=str, ensure_ascii=False)
 
 
-def line_of(record: logging.LogRecord) -> str:
+def text_of(record: logging.LogRecord) -> str:
     """Returns a record as text without time, level and logger, for a recording, which has these by themselves."""
     name: str | None = getattr(record, "ual_event", None)
     if name is None:
         return logs.clipped(record.getMessage(), _LONGEST_MESSAGE)
-    return logs.line(name, getattr(record, "ual_fields", {}))
+    return logs.event_text(name, getattr(record, "ual_fields", {}))
 
 
 def _json(value: object) -> object:
@@ -117,17 +117,17 @@ class BackgroundHandler(logging.Handler):
         except Exception:  # noqa: BLE001  as all logging handlers do: a bad message must not raise in its caller
             self.handleError(record)
             return
-        self._put_line(line)
+        self._put_text(line)
 
     def pass_on(self, line: str) -> None:
         """Writes a line that another process has made."""
         self.acquire()
         try:
-            self._put_line(line)
+            self._put_text(line)
         finally:
             self.release()
 
-    def _put_line(self, line: str) -> None:
+    def _put_text(self, line: str) -> None:
         try:
             if self._lost_count:
                 self._lines.put_nowait(self._loss())
@@ -171,7 +171,7 @@ class BackgroundHandler(logging.Handler):
                 finally:
                     self.release()
 
-    def _write_line(self, line: str) -> None:
+    def _write_text(self, line: str) -> None:
         """Writes a line; with escapes where the stream's encoding does not have a character, such as a file name's."""
         try:
             self._stream.write(line + self._end)
@@ -190,7 +190,7 @@ class BackgroundHandler(logging.Handler):
                 if line is None:
                     self._stream.flush()
                     return
-                self._write_line(line)
+                self._write_text(line)
                 if self._lines.empty():
                     self._stream.flush()
             except ValueError:

@@ -239,16 +239,16 @@ def _sources(
     sources: list[ValuesSource] = [] if config_file is None else [configuration_yaml.read_file(config_file)]
     for origin in (ParameterSource.ENVIRONMENT, ParameterSource.COMMANDLINE):
         values = {name: value for name, value in flags.items() if context.get_parameter_source(name) is origin}
-        sources.append(FlagSource(values, {name: _given_as(name, origin) for name in values}))
+        sources.append(FlagSource(values, {name: _option_text(name, origin) for name in values}))
         if context.get_parameter_source("assignments") is origin:
-            name = _given_as("set", origin)
+            name = _option_text("set", origin)
             for text in assignments:
                 key, value = configuration_yaml.assignment(text, name)
                 sources.append(FlagSource(nested(key, value), {key: f"{name} {key}"}))
     return sources
 
 
-def _given_as(name: str, origin: ParameterSource) -> str:
+def _option_text(name: str, origin: ParameterSource) -> str:
     return f"UAL_{name.upper()}" if origin is ParameterSource.ENVIRONMENT else f"--{name.replace('_', '-')}"
 
 
@@ -426,7 +426,7 @@ def _fleet(configuration: Configuration, worker: Worker | None) -> list[_Planned
     section = configuration.backends.get(settings.backend, {})
     urls = fleet.urls(settings.fleet, settings.fleet_url, partial(registry.vehicle_key, settings.backend))
     names = fleet.names(settings.ns, len(urls))
-    places = fleet.places(urls, settings.fleet_spacing_m)
+    places = fleet.grid_positions(urls, settings.fleet_spacing_m)
     listen = [[addresses.parse(text) for text in fleet.addresses(configuration.listen, ns)] for ns in names]
     options = [BackendOptions(ns, url, section) for ns, url in zip(names, urls, strict=True)]
     part = range(len(names)) if worker is None else worker.part
@@ -521,7 +521,7 @@ def _recording(settings: DaemonSettings, vehicles: Sequence[ServedVehicle]) -> D
         return DaemonRecording(
             Path(settings.record),
             vehicles,
-            log_output.line_of,
+            log_output.text_of,
             turnover,
             is_raw=settings.record_raw,
             has_pictures=settings.record_pictures,

@@ -61,7 +61,7 @@ class Contents:
     """Encoding of its raw packets; empty: it has none."""
 
 
-def look(path: Path, ns: str, uav: str | None) -> Contents:
+def contents_of(path: Path, ns: str, uav: str | None) -> Contents:
     """Looks into a recording for a UAV.
 
     Raises:

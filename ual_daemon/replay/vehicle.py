@@ -113,7 +113,7 @@ class PlayedVehicle(ReportedVehicle):
         """Whether every command is refused: a recording cannot be flown."""
         return True
 
-    def is_flown_by_us(self) -> bool:
+    def is_in_control(self) -> bool:
         """Returns False."""
         return False
 
@@ -282,7 +282,7 @@ def _player(options: BackendOptions) -> Player:
     if options.url is None:
         raise ConfigError("the replay backend needs a recording: --url flight.mcap", "url")
     path = Path(options.url)
-    contents = source.look(path, options.ns, settings.uav)
+    contents = source.contents_of(path, options.ns, settings.uav)
     is_decoded = settings.is_decoded and contents.encoding == ENCODING
     if not (is_decoded or contents.has_samples):
         raise ConfigError(f"{path} has no telemetry of {contents.uav}, and no packets that can be decoded", "url")

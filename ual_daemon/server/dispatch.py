@@ -29,7 +29,7 @@ from ual.wire import rpc_errors
 from ual_daemon import logs
 from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.server.access.caller import Caller
-from ual_daemon.server.door import require_times, ways_to_times
+from ual_daemon.server.door import paths_to_times, require_times
 from ual_daemon.server.headroom import SMALL_BYTES, Headroom
 from ual_daemon.server.motion_gate import FLIES, MotionGate
 from ual_daemon.server.standstill import MOVES, Standstill
@@ -61,7 +61,7 @@ class ServedMethod:
         # What decodes is a method of the request's class; an extension may have another one.
         kind = getattr(self.decode, "__self__", None)
         is_message = isinstance(kind, type) and issubclass(kind, Message)
-        self.times = ways_to_times(cast("Any", kind).DESCRIPTOR) if is_message else ()
+        self.times = paths_to_times(cast("Any", kind).DESCRIPTOR) if is_message else ()
         self.encode = cast("Callable[[Any], bytes]", handler.response_serializer)
         self.serve = cast(
             "Callable[[Any, Any], Any]",

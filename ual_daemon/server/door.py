@@ -55,12 +55,12 @@ def require_times(message: Message, ways: Ways) -> None:
                 return
 
 
-def ways_to_times(kind: Descriptor) -> Ways:
+def paths_to_times(kind: Descriptor) -> Ways:
     """Returns the fields that lead to each time of a kind of message; none where it has no time."""
-    return tuple(_ways_of(_parts(kind), (), frozenset({kind.full_name})))
+    return tuple(_field_paths_of(_parts(kind), (), frozenset({kind.full_name})))
 
 
-def _ways_of(
+def _field_paths_of(
     parts: Iterable[_Part], above: tuple[str, ...], kinds: frozenset[str]
 ) -> Iterator[tuple[tuple[str, ...], bool]]:
     for part in parts:
@@ -69,7 +69,7 @@ def _ways_of(
         elif part.is_repeated or part.kind.full_name in kinds:
             yield above, False
         else:
-            yield from _ways_of(_parts(part.kind), (*above, part.name), kinds | {part.kind.full_name})
+            yield from _field_paths_of(_parts(part.kind), (*above, part.name), kinds | {part.kind.full_name})
 
 
 def _require(message: Message, parts: Iterable[_Part], above: str) -> None:

@@ -95,13 +95,13 @@ class TelemetryPacker:
         pose, velocity, reference, task = sample.pose, sample.velocity, sample.reference_pose, sample.task
         stamp = _stamp(sample.stamp_s)
         parts = [self._packed_rare(sample), _delimited(_HEADER, stamp + _texts(sample.frame_id, "")[0])]
-        here = b"" if pose is None else _place(_OF_POSE, pose.position, pose.orientation)
+        here = b"" if pose is None else _packed_pose(_OF_POSE, pose.position, pose.orientation)
         if here:
             parts += (_POSE, here)
         if velocity is not None:
             parts += (_VELOCITY, _twist(velocity))
         if reference is not None:
-            parts += (_REFERENCE_POSE, _place(_OF_POSE, reference.position, reference.orientation))
+            parts += (_REFERENCE_POSE, _packed_pose(_OF_POSE, reference.position, reference.orientation))
         if (odometry := sample.odometry) is not None:
             parts.append(_odometry(odometry, here if odometry.pose is pose else b"", stamp, sample.stamp_s))
         if (transform := sample.transform) is not None:
@@ -124,7 +124,7 @@ class TelemetryPacker:
         return packed
 
 
-def _place(before: tuple[bytes, bytes], v: Vector3, q: Quaternion) -> bytes:
+def _packed_pose(before: tuple[bytes, bytes], v: Vector3, q: Quaternion) -> bytes:
     return _PLACE.pack(before[0], _X, v.x, _Y, v.y, _Z, v.z, before[1], _X, q.x, _Y, q.y, _Z, q.z, _W, q.w)
 
 
@@ -158,7 +158,7 @@ def _odometry(odometry: Odometry, here: bytes, stamp: bytes, stamp_s: float) -> 
     """`here` is its pose as packed before, if it is the same; `stamp` a stamp as packed before, of `stamp_s`."""
     frame, child = _texts(odometry.frame_id, odometry.child_frame_id)
     header = _delimited(_HEADER, (stamp if odometry.stamp_s == stamp_s else _stamp(odometry.stamp_s)) + frame)
-    place = here or _place(_OF_POSE, odometry.pose.position, odometry.pose.orientation)
+    place = here or _packed_pose(_OF_POSE, odometry.pose.position, odometry.pose.orientation)
     return _delimited(
         _ODOMETRY, b"".join((header, child, _ODOMETRY_POSE, place, _ODOMETRY_TWIST, _twist(odometry.twist)))
     )
@@ -167,7 +167,9 @@ def _odometry(odometry: Odometry, here: bytes, stamp: bytes, stamp_s: float) -> 
 def _transform(transform: Transform, stamp: bytes, stamp_s: float) -> bytes:
     frame, child = _texts(transform.frame_id, transform.child_frame_id)
     header = _delimited(_HEADER, (stamp if transform.stamp_s == stamp_s else _stamp(transform.stamp_s)) + frame)
-    return _delimited(_TRANSFORM, header + child + _place(_OF_TRANSFORM, transform.translation, transform.rotation))
+    return _delimited(
+        _TRANSFORM, header + child + _packed_pose(_OF_TRANSFORM, transform.translation, transform.rotation)
+    )
 
 
 def _geo(point: GeoPoint) -> bytes:

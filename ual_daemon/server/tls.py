@@ -60,7 +60,7 @@ class _Files:
 
     def __init__(self, certificate: str, key: str, client_ca: str | None) -> None:
         self._certificate, self._key, self._client_ca = certificate, key, client_ca
-        self._signature = self._look()
+        self._signature = self._read_signature()
 
     def read(self) -> grpc.ServerCertificateConfiguration:
         """Reads them.
@@ -80,7 +80,7 @@ class _Files:
 
         Where they cannot be used, what they said before stays.
         """
-        signature = self._look()
+        signature = self._read_signature()
         if signature == self._signature:
             return None
         self._signature = signature
@@ -92,7 +92,7 @@ class _Files:
         logs.event(_log, logging.INFO, "read_again", setting="tls_certificate", file=self._certificate)
         return read
 
-    def _look(self) -> _Signature:
+    def _read_signature(self) -> _Signature:
         found = []
         for path in filter(None, (self._certificate, self._key, self._client_ca)):
             with suppress(OSError):

@@ -34,7 +34,7 @@ from ual_daemon.backends.offers.cameras import (
 )
 from ual_daemon.flight.refusals import only_watching
 from ual_daemon.services.answers import in_thread
-from ual_daemon.services.vehicle import LocatedVehicle, offered
+from ual_daemon.services.vehicle import LocatedVehicle, driver_of
 
 LONGEST_INTERVAL_S = 3600.0
 LONGEST_DISTANCE_M = 10_000.0
@@ -154,7 +154,7 @@ class VehicleCameras:
         return shared(newest.image)
 
     def _offer(self) -> CameraDrivers:
-        return offered(self._vehicle, CameraDrivers, "cameras")  # type: ignore[type-abstract]  # it is only looked for
+        return driver_of(self._vehicle, CameraDrivers, "cameras")  # type: ignore[type-abstract]  # it is only looked for
 
     def _found(self, number: int) -> CameraDriver:
         cameras = self._offer().all()

@@ -13,7 +13,7 @@ from ual.errors import ResourceExhaustedError
 from ual_daemon import validation
 from ual_daemon.backends.offers.corrections import AutopilotCorrections
 from ual_daemon.services.rtcm import RtcmFramer
-from ual_daemon.services.vehicle import ServedVehicle, offered, require_not_watching
+from ual_daemon.services.vehicle import ServedVehicle, driver_of, require_not_watching
 
 MOST_BYTES_PER_S = 20_000
 """A base station sends 1 to 4 kB a second. More would take time from flights."""
@@ -92,7 +92,7 @@ class VehicleCorrections:
         )
 
     def _offer(self) -> AutopilotCorrections:
-        return offered(self._vehicle, AutopilotCorrections, "corrections")  # type: ignore[type-abstract]  # it is only looked for
+        return driver_of(self._vehicle, AutopilotCorrections, "corrections")  # type: ignore[type-abstract]  # it is only looked for
 
 
 class CorrectionsBase(interface.Corrections):

@@ -23,7 +23,7 @@ from ual_daemon.backends.offers.parameters import AutopilotParameters, Refusal
 from ual_daemon.services.answers import answer, in_thread
 from ual_daemon.services.vehicle import (
     LoadedVehicle,
-    offered,
+    driver_of,
     require_change,
     require_disarmed,
 )
@@ -95,7 +95,7 @@ class VehicleFence:
                 rally, store.write_rally, plan.rally_points, refusal, clear if store.keeps_parts_of_rally else None
             ),
             lambda: self._switch(refusal, is_on=True) if enable and plan.zones else done(None),
-            lambda: then(self.get(), partial(_told, "fence_uploaded")),
+            lambda: then(self.get(), partial(_logged, "fence_uploaded")),
         )
         return _dropping(changing, zones, rally)
 
@@ -111,7 +111,7 @@ class VehicleFence:
             lambda: self._begin(refusal),
             lambda: self._change(zones, store.write, (), refusal),
             lambda: self._change(rally, store.write_rally, (), refusal),
-            lambda: then(self.get(), partial(_told, "fence_cleared")),
+            lambda: then(self.get(), partial(_logged, "fence_cleared")),
         )
         return _dropping(changing, zones, rally)
 
@@ -131,7 +131,7 @@ class VehicleFence:
         return in_turn(
             lambda: self._begin(refusal),
             lambda: self._switch(refusal, is_on=is_on),
-            lambda: then(self.get(), partial(_told, "fence_switched")),
+            lambda: then(self.get(), partial(_logged, "fence_switched")),
         )
 
     def _change(
@@ -220,10 +220,10 @@ class VehicleFence:
         return in_turn(lambda: done(None), *(partial(switched, each) for each in self._store().switches))
 
     def _store(self) -> AutopilotFenceStore:
-        return offered(self._vehicle, AutopilotFenceStore, "fences")  # type: ignore[type-abstract]  # it is only looked for
+        return driver_of(self._vehicle, AutopilotFenceStore, "fences")  # type: ignore[type-abstract]  # it is only looked for
 
     def _parameters(self) -> AutopilotParameters:
-        return offered(self._vehicle, AutopilotParameters, "parameters")  # type: ignore[type-abstract]  # as above
+        return driver_of(self._vehicle, AutopilotParameters, "parameters")  # type: ignore[type-abstract]  # as above
 
 
 class FenceBase(interface.Fence):
@@ -303,7 +303,7 @@ def _check_zone(zone: FenceZone, field: str) -> None:
         if len(zone.points) != 1:
             raise validation.refuse(field, f"a circle has one centre, not {len(zone.points)}")
     for place in zone.points:
-        _check_place(*place, field)
+        _check_position(*place, field)
     crossed = crossing(zone.points) if zone.radius_m is None else None
     if crossed:
         text = "a polygon whose sides {} and {} cross or touch has no clear inside: autopilots differ about it"
@@ -311,7 +311,7 @@ def _check_zone(zone: FenceZone, field: str) -> None:
 
 
 def _check_rally(point: RallyPoint, field: str) -> None:
-    _check_place(point.latitude_deg, point.longitude_deg, field)
+    _check_position(point.latitude_deg, point.longitude_deg, field)
     if point.reference not in (AltitudeReference.HOME, AltitudeReference.AMSL):
         raise validation.refuse(field, "its height is above home or above mean sea level")
     height_m = validation.number(point.height_m, f"{field}.height_m", at_most=_HIGHEST_M)
@@ -319,12 +319,12 @@ def _check_rally(point: RallyPoint, field: str) -> None:
         raise validation.refuse(field, f"its height is whole metres, as ArduPilot keeps it, not {height_m:g}")
 
 
-def _check_place(latitude_deg: float, longitude_deg: float, field: str) -> None:
+def _check_position(latitude_deg: float, longitude_deg: float, field: str) -> None:
     validation.number(latitude_deg, f"{field} latitude", at_most=90.0)
     validation.number(longitude_deg, f"{field} longitude", at_most=180.0)
 
 
-def _told(event: str, kept: KeptFence) -> KeptFence:
+def _logged(event: str, kept: KeptFence) -> KeptFence:
     zones, points = len(kept.zones), len(kept.rally_points)
     logs.event(_log, logging.INFO, event, zones=zones, rally_points=points, enabled=kept.is_enabled)
     return kept

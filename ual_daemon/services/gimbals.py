@@ -26,7 +26,7 @@ from ual_daemon.backends.chain import then, then_wait
 from ual_daemon.backends.offers.gimbals import GimbalDriver, GimbalDrivers
 from ual_daemon.flight.refusals import only_watching
 from ual_daemon.services.answers import Pause, Steps
-from ual_daemon.services.vehicle import GimbalVehicle, offered
+from ual_daemon.services.vehicle import GimbalVehicle, driver_of
 from ual_daemon.vehicle.gimbals import GimbalTarget
 
 LARGEST_ANGLE_RAD = 3.1415926535897932
@@ -57,7 +57,7 @@ class VehicleGimbals:
 
     def status(self, number: int) -> GimbalStatus:
         """See `ual.interface.Gimbal`."""
-        return self._vehicle.gimbals.status(self._heard(number))
+        return self._vehicle.gimbals.status(self._gimbal(number))
 
     def watch(self, number: int, rate_hz: float) -> Steps[GimbalStatus]:
         """See `ual.interface.Gimbal`."""
@@ -149,12 +149,12 @@ class VehicleGimbals:
         return then(given, lambda _: gimbals.did(number, begun, activity, followed))
 
     def _offer(self) -> GimbalDrivers:
-        return offered(self._vehicle, GimbalDrivers, "gimbals")  # type: ignore[type-abstract]  # it is only looked for
+        return driver_of(self._vehicle, GimbalDrivers, "gimbals")  # type: ignore[type-abstract]  # it is only looked for
 
     def _named(self, info: GimbalInfo) -> GimbalInfo:
         return replace(info, frame_id=self._vehicle.gimbals.frame_id(info.number))
 
-    def _heard(self, number: int) -> GimbalDriver:
+    def _gimbal(self, number: int) -> GimbalDriver:
         gimbals = self._offer().all()
         validation.require_type(number, int, "gimbal")
         if not 0 <= number < len(gimbals):
@@ -166,7 +166,7 @@ class VehicleGimbals:
         return gimbal
 
     def _able(self, number: int, ability: GimbalAbility, command: str) -> GimbalDriver:
-        gimbal = self._heard(number)
+        gimbal = self._gimbal(number)
         info = gimbal.info
         if ability not in info.abilities:
             can = ", ".join(sorted(each.name.lower() for each in info.abilities)) or "nothing"

@@ -18,7 +18,7 @@ from ual_daemon import validation
 from ual_daemon.backends import futures
 from ual_daemon.backends.chain import then, together
 from ual_daemon.backends.offers.gripper import GripperDriver, ServoOrder, WinchOrder
-from ual_daemon.services.vehicle import ServedVehicle, offered, require_change
+from ual_daemon.services.vehicle import ServedVehicle, driver_of, require_change
 from ual_daemon.settings import GripperSettings, RelaySettings, ServoSettings, WinchSettings
 from ual_daemon.vehicle.equipment import PayloadDevice, PayloadEquipment
 
@@ -145,7 +145,7 @@ class VehicleGripper:
         return self._vehicle.equipment.ordered(PayloadDevice(kind, each.name))
 
     def _offer(self) -> GripperDriver:
-        return offered(self._vehicle, GripperDriver, "grippers")  # type: ignore[type-abstract]  # it is only looked for
+        return driver_of(self._vehicle, GripperDriver, "grippers")  # type: ignore[type-abstract]  # it is only looked for
 
 
 def _found(configured: Sequence[N], name: str, field: str, section: str) -> N:

@@ -14,7 +14,7 @@ from ual.logs.values import Log, LogChunk
 from ual_daemon import logs, validation
 from ual_daemon.backends.offers.logs import AutopilotLogs
 from ual_daemon.services.answers import Steps
-from ual_daemon.services.vehicle import ServedVehicle, offered
+from ual_daemon.services.vehicle import ServedVehicle, driver_of
 
 CHUNK = 32_768
 """Bytes that are read at a time: over a slow radio in flight that takes half a minute."""
@@ -61,7 +61,7 @@ class VehicleLogs:
             self._busy.release()
 
     def _offer(self) -> AutopilotLogs:
-        return offered(self._vehicle, AutopilotLogs, "logs")  # type: ignore[type-abstract]  # it is only looked for
+        return driver_of(self._vehicle, AutopilotLogs, "logs")  # type: ignore[type-abstract]  # it is only looked for
 
 
 def _chosen(listed: list[Log], log_id: str, offset: int) -> Log:

@@ -19,7 +19,7 @@ from ual_daemon.backends.chain import then, then_wait
 from ual_daemon.backends.offers.missions import AutopilotMissions, KeptMission, OnItsOwn
 from ual_daemon.flight.flight import CommandOrigin
 from ual_daemon.services.answers import Pause, Steps, in_thread
-from ual_daemon.services.vehicle import CommandedVehicle, offered, require_change
+from ual_daemon.services.vehicle import CommandedVehicle, driver_of, require_change
 from ual_daemon.vehicle.upload_journal import MISSION
 
 LOOK = Pause(0.2)
@@ -144,7 +144,7 @@ class VehicleMission:
 
     def _require_change(self, command: str, lease_id: str) -> None:
         require_change(self._vehicle, command, lease_id)
-        self._vehicle.missions.require_none_flown(command)
+        self._vehicle.missions.require_none_running(command)
 
     def _refusal(self, command: str, lease_id: str) -> UalError | None:
         """Returns why nothing may be sent now that changes the mission; None if it may. Asked before each message."""
@@ -156,7 +156,7 @@ class VehicleMission:
         return None
 
     def _offer(self) -> AutopilotMissions:
-        return offered(self._vehicle, AutopilotMissions, "missions")  # type: ignore[type-abstract]  # it is only looked for
+        return driver_of(self._vehicle, AutopilotMissions, "missions")  # type: ignore[type-abstract]  # it is only looked for
 
 
 def _item(value: SupportsInt, field: str) -> int:

@@ -15,7 +15,7 @@ from ual_daemon.backends.chain import then, then_wait
 from ual_daemon.backends.offers.parameters import AutopilotParameters
 from ual_daemon.services.vehicle import (
     ServedVehicle,
-    offered,
+    driver_of,
     require_change,
     require_disarmed,
 )
@@ -92,7 +92,7 @@ class VehicleParameters:
             require_disarmed(self._vehicle, _SET, "disarm first, or force it if you know what it does in flight")
 
     def _offer(self) -> AutopilotParameters:
-        return offered(self._vehicle, AutopilotParameters, "parameters")  # type: ignore[type-abstract]  # it is only looked for
+        return driver_of(self._vehicle, AutopilotParameters, "parameters")  # type: ignore[type-abstract]  # it is only looked for
 
 
 def _checked_name(name: str) -> str:

@@ -84,7 +84,7 @@ class CommandedVehicle(LoadedVehicle, Protocol):
         """Missions of the autopilot; raises `NotSupportedError` where it cannot be commanded."""
 
 
-def offered(vehicle: ServedVehicle, kind: type[T], what: str) -> T:
+def driver_of(vehicle: ServedVehicle, kind: type[T], what: str) -> T:
     """Returns what the backend offers.
 
     Raises:

@@ -112,7 +112,7 @@ class DriftCorrection:
             if each.motion.pose is not None and each.motion.velocity is not None:
                 seen = self._see(each, each.motion.velocity.value.linear)
         before = before or Motion(seen.position, 0.0, seen.velocity - seen.error)
-        return _place(_level, before, responses.horizontal), _place(_upright, before, responses.vertical)
+        return _end_point(_level, before, responses.horizontal), _end_point(_upright, before, responses.vertical)
 
     def _step_heading(self, commanded_rad_s: float, snapshot: Snapshot) -> None:
         assert snapshot.motion.pose is not None
@@ -126,7 +126,7 @@ class DriftCorrection:
         self._yaw_rad, self.yaw_rate_rad_s = yaw_rad + lag_rad, lag_rad * _YAW_GAIN
 
 
-def _place(part: Callable[[Vector3], Vector3], before: Motion, response: VelocityResponse) -> VelocityEndPoint:
+def _end_point(part: Callable[[Vector3], Vector3], before: Motion, response: VelocityResponse) -> VelocityEndPoint:
     motion = part(before.position), part(before.velocity), part(before.acceleration)
     return VelocityEndPoint(ExpectedMotion(*motion, response))
 

@@ -161,7 +161,7 @@ class MovingGoal(Reference):
         return pose_of(self._motion)
 
     @override
-    def way(self, now_s: float) -> Sequence[Vector3]:
+    def path_points(self, now_s: float) -> Sequence[Vector3]:
         try:
             return self._motion.position, self._goal(now_s).position
         except UalError:  # it is not known where the goal is

@@ -85,7 +85,7 @@ class Pursuit(Reference):
         self._advance(measured.position)
         if not self.is_stopping:
             self._pass_stop(measured, snapshot.time_s, passed_s)
-            self._ahead = self._look_ahead(passed_s, snapshot)
+            self._ahead = self._lead_motion(passed_s, snapshot)
         return PositionSetpoint(self._ahead.position, self._ahead.yaw_rad)
 
     def _advance(self, position: Vector3) -> None:
@@ -123,7 +123,7 @@ class Pursuit(Reference):
         is_slow = measured.velocity.norm() <= self._tolerance.speed_m_s
         return is_slow or now_s - self._at_stop_since_s > LONGEST_STOP_S
 
-    def _look_ahead(self, passed_s: float, snapshot: Snapshot) -> Motion:
+    def _lead_motion(self, passed_s: float, snapshot: Snapshot) -> Motion:
         """Returns the motion of the trajectory at the end of the look-ahead.
 
         The point ahead moves on no faster than the trajectory, because the UAV flies as fast as that point.

@@ -52,7 +52,7 @@ class Reference:
     def pose(self) -> Pose | None:
         """Returns the pose that it commands now; None if it commands only a velocity."""
 
-    def way(self, now_s: float) -> Sequence[Vector3]:
+    def path_points(self, now_s: float) -> Sequence[Vector3]:
         """Returns the way to where it leads, as points; none where it does not lead anywhere else than it commands."""
         del now_s
         return ()

@@ -128,7 +128,7 @@ class VelocityEndPoint:
     def _find_free(self, commanded: Vector3, here: Vector3, flown: Vector3) -> None:
         """Finds the directions in which the UAV cannot follow. `flown` is how its position moves."""
         if self._free:
-            self._free = tuple(each for each in self._free if not _is_flown(commanded.dot(each), flown.dot(each)))
+            self._free = tuple(each for each in self._free if not _is_followed(commanded.dot(each), flown.dot(each)))
         if self._is_stopped(commanded, here, flown):
             self._make_free(commanded)
         carried = flown - self._expected.velocity
@@ -169,7 +169,7 @@ class VelocityEndPoint:
         return vector
 
 
-def _is_flown(commanded_m_s: float, flown_m_s: float) -> bool:
+def _is_followed(commanded_m_s: float, flown_m_s: float) -> bool:
     return abs(commanded_m_s - flown_m_s) <= max(_FLOWN_M_S, abs(commanded_m_s) / 2)
 
 

@@ -6,7 +6,7 @@
 | `envelope` | the limits of velocity, acceleration and jerk |
 | `pulse` | changes of speed |
 | `bend` | from any motion to rest, or towards a goal |
-| `line` | straight to a goal; braking |
+| `straight` | straight to a goal; braking |
 | `path` | through many waypoints: `run` (legs and rounded corners, `leg`) between stops, after `simplify` |
 | `stay` | holding a place for some time |
 | `heading`, `turn`, `facing` | where the nose points |

@@ -80,7 +80,7 @@ class Change:
         )
         return cls(velocity, acceleration, blend_s, *plan(blend_s))
 
-    def way(self) -> Vector3:
+    def total_displacement(self) -> Vector3:
         """Returns the displacement during the change."""
         v, a0, a1 = self.velocity, self.acceleration, self.held
         t, h, f = self.blend_s, self.hold_s, self.fall_s
@@ -96,7 +96,7 @@ class Change:
 
     def append(self, pieces: Pieces, after: Vector3) -> None:
         """Appends the change to the motion that it was planned for."""
-        end = pieces.position + self.way()
+        end = pieces.position + self.total_displacement()
         if self.blend_s > 0.0:
             pieces.add(self.blend_s, (self.held - self.acceleration) / self.blend_s)
         pieces.add(self.hold_s, Vector3())
@@ -188,7 +188,7 @@ class _Aim:
         direction = left / left_m if left_m > 0.0 else Vector3(1.0, 0.0, 0.0)
         low, at_low = 0.0, self._stoppable_m_s(direction, left_m)
         # The bend is not longer than the distance to a stop and back.
-        fastest = self._stoppable_m_s(direction, left_m + 2 * stop.way().norm())
+        fastest = self._stoppable_m_s(direction, left_m + 2 * stop.total_displacement().norm())
         share, high, at_high = min(1.0, fastest / self._speed_limit(direction)), 1.0, -fastest
         for _ in range(_MOST_SPEEDS):
             found = self._at(share, direction, _GOOD_AIM)
@@ -205,13 +205,13 @@ class _Aim:
             if found is not None and found[2] <= self._stoppable_m_s(found[1], found[3]):
                 return found[:3]
             low = low * 0.98 - 0.01
-        left = self._way - stop.way()
+        left = self._way - stop.total_displacement()
         return stop, left / left_m if left_m > 0.0 else Vector3(1.0, 0.0, 0.0), 0.0
 
     def _bend(self, velocity: Vector3) -> tuple[Change, Vector3, float]:
         """Returns the change to a velocity, the vector from its end to the goal, and the length of that vector."""
         change = Change.to(velocity, self._velocity, self._acceleration, self._limits)
-        left = self._way - change.way()
+        left = self._way - change.total_displacement()
         return change, left, left.norm()
 
     def _at(self, share: float, direction: Vector3, miss: float) -> tuple[Change, Vector3, float, float] | None:

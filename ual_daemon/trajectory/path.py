@@ -193,7 +193,7 @@ class _Planner:
             yaw_rad = _azimuth(self._points[last if last - first == 1 else first + 1] - now.position, now.yaw_rad)
             turned = Motion(now.position, yaw_rad)
             onward: Trajectory = (
-                self._run(turned, first, last) if last - first > 1 else self._line(turned, last, yaw_rad)
+                self._run(turned, first, last) if last - first > 1 else self._straight(turned, last, yaw_rad)
             )
             if wrap_angle(yaw_rad - now.yaw_rad) == 0.0:
                 return [onward]
@@ -201,14 +201,14 @@ class _Planner:
         if last - first > 1:
             return [self._run(now, first, last)]
         if self._heading is PathHeading.WAYPOINTS:
-            return [self._line(now, last, self._yaws[last])]
+            return [self._straight(now, last, self._yaws[last])]
         if self._heading is PathHeading.FIXED:
             turns = Turns(now, self._limits)
             turns.turn_to(None, 0.0, 0.0)
-            return [self._line(now, last, turns.end_rad)]
-        return [self._line(now, last, _azimuth(self._points[last] - now.position, now.yaw_rad))]
+            return [self._straight(now, last, turns.end_rad)]
+        return [self._straight(now, last, _azimuth(self._points[last] - now.position, now.yaw_rad))]
 
-    def _line(self, now: Motion, last: int, yaw_rad: float) -> StraightTrajectory:
+    def _straight(self, now: Motion, last: int, yaw_rad: float) -> StraightTrajectory:
         return StraightTrajectory(now, self._points[last], yaw_rad, self._limits, self._fastest[last - 1])
 
     def _run(self, now: Motion, first: int, last: int) -> Run:

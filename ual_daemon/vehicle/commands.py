@@ -321,7 +321,7 @@ class Commands:
                 accepted("abort", freeze=freeze, task_id="any")
                 return
             snapshot = self._require_stoppable("abort", task_id, lease_id, *self._abortable())
-            if self._is_flown_by_autopilot(snapshot):
+            if self._is_autopilot_flying(snapshot):
                 self._take_back("abort", snapshot, lease_id)
             elif self._is_mission(task_id):
                 self._stop_mission("abort", snapshot, lease_id)
@@ -359,7 +359,7 @@ class Commands:
             return (State.FLYING_AUTO,)
         return (State.FLYING_AUTO, State.TAKING_OFF, State.LANDING)
 
-    def _is_flown_by_autopilot(self, snapshot: Snapshot) -> bool:
+    def _is_autopilot_flying(self, snapshot: Snapshot) -> bool:
         """Returns whether the autopilot flies by itself what UAL is to end: what our arming has begun, or a take-off or
         a landing that nobody but UAL can abort.
         """
@@ -431,7 +431,7 @@ class Commands:
         if task.future.done():
             return
         snapshot = self._backend.snapshot()
-        if self._is_flown_by_autopilot(snapshot):
+        if self._is_autopilot_flying(snapshot):
             self._take_back("cancel", snapshot, lease_id)
         elif self._is_mission(task.id):
             seen = self._require_stoppable("cancel", task.id, lease_id, *_SEEN)

@@ -15,11 +15,11 @@ from ual_daemon.flight.flight import Flight
 from ual_daemon.flight.manoeuvres.course import Course, CourseProgress, Onward
 from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre
 from ual_daemon.flight.manoeuvres.return_to_launch import HomeCourse
-from ual_daemon.flight.policy.home import home_place
+from ual_daemon.flight.policy.home import home_point
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.settings import VehicleSettings
 from ual_daemon.trajectory import Motion, PathWaypoint, Trajectory, path
-from ual_daemon.vehicle.return_plan import ReturnPlan, plan_way_home
+from ual_daemon.vehicle.return_plan import ReturnPlan, plan_return
 
 LONG_COUNT = 200
 """A path of more waypoints takes more than 15 ms to plan, 30 ms inside a fence."""
@@ -198,13 +198,13 @@ class ReturnCourse(HomeCourse):
         return self._bounds() != self._planned_by or self._has_moved(snapshot)
 
     def _has_moved(self, snapshot: Snapshot) -> bool:
-        home = home_place(snapshot, self._flight.geofence.ground)
+        home = home_point(snapshot, self._flight.geofence.ground)
         return home is not None and (home.position - self._home).norm() > self._settings.tolerance.position_m
 
     @override
     def plan(self, flown: CourseProgress, snapshot: Snapshot) -> Onward:
         bounds, why = self._bounds(), "home has moved" if self._has_moved(snapshot) else "limits"
-        way = plan_way_home(self._flight, self._settings, self._height_m, bounds, snapshot)
+        way = plan_return(self._flight, self._settings, self._height_m, bounds, snapshot)
         self._planned_by, self._home, self.ground_z_m = bounds, way.home.position, way.home.position.z
         self.fence = self._flight.geofence.fence(snapshot)
         return Onward(way.trajectory, 0, why)

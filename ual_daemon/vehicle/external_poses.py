@@ -99,7 +99,7 @@ class ExternalPoses:
         local = self._to_local(measured, now_s)
         velocity = self._velocity()
         with self._lock:
-            self._sources.heard(logs.caller_text(), now_s)
+            self._sources.on_pose(logs.caller_text(), now_s)
             resets_count = self._gate.resets_count
             drop = self._judge(local, now_s, velocity, is_stream=is_stream)
             local = replace(local, resets_count=self._gate.resets_count)
@@ -117,7 +117,7 @@ class ExternalPoses:
             logs.event(_log, logging.WARNING, "external_poses_moved", to=self._resolver.describe(local.pose.position))
             self._on_moved(now_s)
         self._backend.set_external_pose(local)
-        self._silence.heard(now_s)
+        self._silence.on_pose(now_s)
         return None
 
     def _tell(self, now_s: float, two: str, step_m: float, position: Vector3) -> None:

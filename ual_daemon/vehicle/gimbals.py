@@ -177,10 +177,10 @@ class UavGimbals:
 
         """
         body = self._require_body(snapshot)
-        eye = body.position + body.orientation.rotate(gimbal.place)
-        return aimed(gimbal.info, body, self._place_of(goal, snapshot) - eye)
+        eye = body.position + body.orientation.rotate(gimbal.mount_position)
+        return aimed(gimbal.info, body, self._position_of(goal, snapshot) - eye)
 
-    def _place_of(self, goal: Goal, snapshot: Snapshot) -> Vector3:
+    def _position_of(self, goal: Goal, snapshot: Snapshot) -> Vector3:
         """Returns where a goal is in the local frame."""
         resolver = self._resolver
         resolver.tree.require(goal.frame_id)
@@ -236,7 +236,7 @@ class UavGimbals:
         found = self._all()
         for number in range(self._attached_count, len(found)):
             turned = partial(self._turned, found[number])
-            self._resolver.tree.attach(self.frame_id(number), found[number].place, turned)
+            self._resolver.tree.attach(self.frame_id(number), found[number].mount_position, turned)
         self._attached_count = len(found)
 
     def _turned(self, gimbal: GimbalDriver) -> Quaternion | None:

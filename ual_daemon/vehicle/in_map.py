@@ -47,7 +47,7 @@ def route_in_map(flight: Flight, resolver: FrameResolver, snapshot: Snapshot) ->
         FrameLostError: It is not known any more.
 
     """
-    way = flight.way(snapshot)
+    way = flight.running_route(snapshot)
     if way is None:
         return None
     in_local = resolver.in_local(MAP)

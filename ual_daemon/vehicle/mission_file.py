@@ -33,7 +33,7 @@ class MissionFile:
         self.kept = KeptFile(path, "which mission is flown")
 
     @classmethod
-    def beside(cls, home_file: Path) -> MissionFile:
+    def next_to(cls, home_file: Path) -> MissionFile:
         """Returns the one that belongs to a file of home."""
         return cls(home_file.with_suffix(".mission"))
 

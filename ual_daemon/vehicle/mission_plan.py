@@ -22,7 +22,7 @@ from ual.missions.plan import MissionPlan
 from ual.types import AltitudeReference, GeoWaypoint, Limits
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.flight import Flight
-from ual_daemon.flight.policy.home import home_place
+from ual_daemon.flight.policy.home import home_point
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.tracker.limits import at_most
 from ual_daemon.tracker.references import measured_motion
@@ -93,14 +93,14 @@ class _Walk:
         if isinstance(item, TakeOff):
             self._take_off(index, item)
         elif isinstance(item, Waypoint):
-            self._leg(index, self._place(index, item))
+            self._leg(index, self._position(index, item))
             self._duration_s += item.hold_s
         elif isinstance(item, HoldTime):
             self._duration_s += item.seconds
         elif isinstance(item, Speed):
             self._limits = _at_speed(self._flight.limits.get(), item.speed_m_s)
         elif isinstance(item, Land):
-            over = self._place(index, Waypoint(item.latitude_deg, item.longitude_deg, 0.0))
+            over = self._position(index, Waypoint(item.latitude_deg, item.longitude_deg, 0.0))
             self._leg(index, Vector3(over.x, over.y, self._here.z))
             self._down()
         elif isinstance(item, ReturnToLaunch):
@@ -117,7 +117,7 @@ class _Walk:
         self._is_up = False  # it climbs from the ground
         self._leg(index, top)
         if has_place:
-            self._require_reach(index, at, goal)
+            self._require_near(index, at, goal)
             self._leg(index, Vector3(goal.x, goal.y, top.z))
 
     def _above(self, item: TakeOff) -> Vector3:
@@ -140,13 +140,13 @@ class _Walk:
         place = self._resolver.geo_to_local(flat, snapshot).position
         return Vector3(place.x, place.y, self._ground_z_m + at.altitude_m)
 
-    def _place(self, index: int, item: Waypoint) -> Vector3:
+    def _position(self, index: int, item: Waypoint) -> Vector3:
         at = GeoWaypoint(item.latitude_deg, item.longitude_deg, item.altitude_m, item.altitude_reference)
         position = self._resolved(at)
-        self._require_reach(index, at, position)
+        self._require_near(index, at, position)
         return position
 
-    def _require_reach(self, index: int, at: GeoWaypoint, position: Vector3) -> None:
+    def _require_near(self, index: int, at: GeoWaypoint, position: Vector3) -> None:
         what = f"{COMMAND}: {name_of(self._items, index)}"
         self._distance_limit.require_goal(what, at, Local(position), self._snapshot)
 
@@ -176,7 +176,7 @@ class _Walk:
 
     def _return(self) -> None:
         """Returns at the present height: how high the autopilot climbs for it, its parameters say."""
-        home = home_place(self._snapshot, self._flight.geofence.ground)
+        home = home_point(self._snapshot, self._flight.geofence.ground)
         if home is not None:
             self._add(Vector3(home.position.x, home.position.y, self._here.z))
         self._down()

@@ -29,7 +29,7 @@ class Brought(NamedTuple):
 _BEFORE = Brought()
 
 
-def judged_stage(
+def estimated_stage(
     report: MissionReport,
     snapshot: Snapshot,
     mode: str,

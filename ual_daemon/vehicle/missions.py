@@ -30,7 +30,7 @@ from ual_daemon.tracker.references import Reference
 from ual_daemon.vehicle.distance_limit import DistanceLimit
 from ual_daemon.vehicle.mission_file import MissionFile, RunningMission
 from ual_daemon.vehicle.mission_plan import MissionPlanner
-from ual_daemon.vehicle.mission_stage import Brought, judged_stage
+from ual_daemon.vehicle.mission_stage import Brought, estimated_stage
 from ual_daemon.vehicle.preconditions import Preconditions
 from ual_daemon.vehicle.refusal_log import accepted
 from ual_daemon.vehicle.upload_journal import MISSION, RALLY, UploadJournal
@@ -84,7 +84,7 @@ class Missions:
         checks.require(items)
         return self._planner.plan(items, self._backend.snapshot(), first)
 
-    def require_none_flown(self, command: str) -> None:
+    def require_none_running(self, command: str) -> None:
         """Checks that no mission is flown, of which the items must not change.
 
         Raises:
@@ -182,7 +182,7 @@ class Missions:
         if flown is None and last is not None and not last.has_list_of(report):
             last = None
         reached = brought.reached(report) if flown is None else flown.reached(report)
-        stage = judged_stage(report, self._backend.snapshot(), offer.mode, flown, flown or last, brought)
+        stage = estimated_stage(report, self._backend.snapshot(), offer.mode, flown, flown or last, brought)
         return MissionProgress(stage, report.item, reached, task_id)
 
     def require_task(self, command: str) -> str:

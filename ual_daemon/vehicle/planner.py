@@ -53,7 +53,7 @@ from ual_daemon.vehicle.moving_goals import moving_goal
 from ual_daemon.vehicle.preconditions import Preconditions
 from ual_daemon.vehicle.prepared import Prepared
 from ual_daemon.vehicle.refusal_log import accepted
-from ual_daemon.vehicle.return_plan import ReturnPlan, plan_way_home
+from ual_daemon.vehicle.return_plan import ReturnPlan, plan_return
 
 MOST_WAYPOINTS = 10_000
 """Most waypoints of a path: they take 0.7 s of processor time with a corner at each, 1.4 s inside a fence; a mission
@@ -267,7 +267,7 @@ class Planner:
             is_ours = self._flight.estimate(snapshot).state is State.FLYING_AUTO and not self._flight.is_on_mission
             if not is_ours and (refusal := self._failsafe_refusal(snapshot)):
                 raise refusal
-            way = plan_way_home(self._flight, self._settings, height_m, self._bounds(None), snapshot)
+            way = plan_return(self._flight, self._settings, height_m, self._bounds(None), snapshot)
 
         def home_by(task: VehicleTask, way: ReturnPlan, planned_s: float) -> Manoeuvre:
             course = ReturnCourse(self._flight, self._settings, height_m, partial(self._bounds, None), way)
@@ -276,7 +276,7 @@ class Planner:
             return ReturnManoeuvre(task, way.trajectory, course, land, tolerance, tracker, planned_s)
 
         def onward(task: VehicleTask, now: Snapshot) -> Manoeuvre:
-            way = plan_way_home(self._flight, self._settings, height_m, self._bounds(None), now)
+            way = plan_return(self._flight, self._settings, height_m, self._bounds(None), now)
             return home_by(task, way, now.time_s)
 
         way_height_m = way.trajectory.end().position.z - way.home.position.z

@@ -85,11 +85,11 @@ class PoseGate:
         """Returns whether a pose follows the last good one, or those that have gone on elsewhere for long."""
         elsewhere = self._elsewhere
         if elsewhere is None or not _is_nearer(elsewhere, last, seen):
-            if _is_flown(last, seen, std_dev_m, fastest_m_s):
+            if _is_airborne(last, seen, std_dev_m, fastest_m_s):
                 return True
             elsewhere = None
         self._elsewhere = seen
-        if elsewhere is None or not _is_flown(elsewhere, seen, std_dev_m, fastest_m_s):
+        if elsewhere is None or not _is_airborne(elsewhere, seen, std_dev_m, fastest_m_s):
             self._elsewhere_since_s = seen.time_s
             return False
         is_settled = seen.time_s - self._elsewhere_since_s >= SETTLED_S
@@ -111,7 +111,7 @@ def _measure(begin: Pose, end: Pose) -> float:
     return (end.position - begin.position).norm() / MARGIN_M + _angle_rad(begin, end) / _MARGIN_RAD
 
 
-def _is_flown(begin: _ReceivedPose, end: _ReceivedPose, std_dev_m: float, fastest_m_s: float) -> bool:
+def _is_airborne(begin: _ReceivedPose, end: _ReceivedPose, std_dev_m: float, fastest_m_s: float) -> bool:
     """Returns whether a vehicle can have moved from one to the other."""
     passed_s = end.time_s - begin.time_s
     way_m = MARGIN_M + _SIGMAS * std_dev_m + fastest_m_s * passed_s

@@ -43,7 +43,7 @@ class PoseSources:
         self._caller: str | None = None
         self._turns: deque[tuple[float, str]] = deque(maxlen=RETURNS_COUNT)
 
-    def heard(self, caller: str, now_s: float) -> None:
+    def on_pose(self, caller: str, now_s: float) -> None:
         """Takes note of who gives a pose; empty: this process."""
         if self._caller is not None and caller != self._caller:
             self._turns.append((now_s, self._caller))
@@ -57,14 +57,14 @@ class PoseSources:
         last, self._last = self._last, SourcePose(position, time_s)
         if last is None:
             return 0.0
-        beside_m = _beside_m(last, self._last, std_dev_m, velocity)
+        beside_m = _deviation_m(last, self._last, std_dev_m, velocity)
         if not beside_m:
             return 0.0
         left, self._left = self._left, last
         if (
             left is not None
             and time_s - left.time_s <= WINDOW_S
-            and not _beside_m(left, self._last, std_dev_m, velocity)
+            and not _deviation_m(left, self._last, std_dev_m, velocity)
         ):
             self._returns_s.append(time_s)
             self._apart_m = beside_m
@@ -81,7 +81,7 @@ class PoseSources:
         return ""
 
 
-def _beside_m(begin: SourcePose, end: SourcePose, std_dev_m: float, velocity: Vector3 | None) -> float:
+def _deviation_m(begin: SourcePose, end: SourcePose, std_dev_m: float, velocity: Vector3 | None) -> float:
     """Returns how far a pose is from where the motion leads; 0 where that may be noise."""
     passed_s = max(0.0, end.time_s - begin.time_s)
     way = Vector3() if velocity is None else velocity * passed_s

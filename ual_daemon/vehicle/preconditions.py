@@ -104,7 +104,7 @@ class Preconditions(RefusalLog):
         if mode is not None and mode.value.is_autonomous:
             return snapshot
         name = "" if mode is None else f" in mode {mode.value.text}"
-        raise _flown_by_others(command, f"the safety pilot flies{name} and lands it by hand")
+        raise _controlled_by_others(command, f"the safety pilot flies{name} and lands it by hand")
 
     def require_no_mission_of_others(self, command: str, snapshot: Snapshot) -> None:
         """Checks that the autopilot flies no mission that others have begun. A failsafe may use one to land.
@@ -121,7 +121,7 @@ class Preconditions(RefusalLog):
             self._flight.raw_estimate(snapshot).state is State.FLYING_MANUAL
             and snapshot.control.mode_name == offer.mode
         ):
-            raise _flown_by_others(command, "the autopilot flies a mission that UAL has not begun")
+            raise _controlled_by_others(command, "the autopilot flies a mission that UAL has not begun")
 
     def require_no_failsafe(self, command: str, snapshot: Snapshot, *, force: bool) -> None:
         """Checks that no failsafe of the autopilot is active or holds the control, unless forced.
@@ -181,7 +181,7 @@ class Preconditions(RefusalLog):
         needed = " or ".join(state.name for state in allowed)
         raise WrongStateError(
             f"{command} needs the state {needed}, but it is {found.state.name}: {found.why}"
-            f"{_way_out(command, found.state, snapshot, allowed)}",
+            f"{_remedy(command, found.state, snapshot, allowed)}",
             {"state": found.state.name, "needed": needed, "command": command},
         )
 
@@ -190,7 +190,7 @@ _NO_MOTIONS = ("abort", "land", "return_to_launch", "pause", "resume", "jump_to_
 """Commands of a UAV in flight for which nobody takes off."""
 
 
-def _way_out(command: str, state: State, snapshot: Snapshot, allowed: Collection[State]) -> str:
+def _remedy(command: str, state: State, snapshot: Snapshot, allowed: Collection[State]) -> str:
     """Returns what can be done on the ground, or where others fly the UAV; empty where nothing can."""
     if State.FLYING_AUTO in allowed and command not in _NO_MOTIONS:
         if state is State.LANDED_DISARMED:
@@ -214,7 +214,7 @@ def _require_link(command: str, found: Estimate) -> None:
         raise LinkLostError(f"{command}: {found.why}", {"state": found.state.name})
 
 
-def _flown_by_others(command: str, how: str) -> WrongStateError:
+def _controlled_by_others(command: str, how: str) -> WrongStateError:
     return WrongStateError(
         f"{command} needs the state FLYING_AUTO, but it is FLYING_MANUAL: {how}; recover_from_manual takes control "
         f"back, and then {command} is possible",

@@ -9,7 +9,7 @@ from ual.geometry import Vector3
 from ual.types import Limits, PathHeading, Plan
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.flight import Flight
-from ual_daemon.flight.policy.home import HomePoint, home_place
+from ual_daemon.flight.policy.home import HomePoint, home_point
 from ual_daemon.settings import VehicleSettings
 from ual_daemon.trajectory import Brake, Chain, Motion, PathWaypoint, Trajectory, path
 from ual_daemon.vehicle.admission import admit
@@ -28,7 +28,7 @@ class ReturnPlan(NamedTuple):
     plan: Plan
 
 
-def plan_way_home(
+def plan_return(
     flight: Flight, settings: VehicleSettings, height_m: float | None, bounds: Limits, snapshot: Snapshot
 ) -> ReturnPlan:
     """Plans the way home from the motion that is commanded now.
@@ -45,7 +45,7 @@ def plan_way_home(
         GeofenceError: Home or the way there lies outside, or home is beyond the reach.
 
     """
-    home = home_place(snapshot, flight.geofence.ground)
+    home = home_point(snapshot, flight.geofence.ground)
     if home is None:
         raise WrongStateError(
             f"{_NAME}: no home is known: the autopilot has not said where it is, and UAL has not seen the take-off; "
@@ -57,7 +57,7 @@ def plan_way_home(
     stop = Brake(start, bounds).end()
     over_home = Vector3(home.position.x, home.position.y, stop.position.z)
     if (over_home - stop.position).norm() > settings.tolerance.position_m:
-        over_home = Vector3(over_home.x, over_home.y, _way_z_m(flight, settings, height_m, home, stop, snapshot))
+        over_home = Vector3(over_home.x, over_home.y, _return_z_m(flight, settings, height_m, home, stop, snapshot))
     trajectory = _trajectory(start, stop, over_home, bounds)
     try:
         plan = admit(flight, _NAME, trajectory, snapshot)
@@ -70,7 +70,7 @@ def plan_way_home(
     return ReturnPlan(trajectory, home, plan)
 
 
-def _way_z_m(
+def _return_z_m(
     flight: Flight, settings: VehicleSettings, height_m: float | None, home: HomePoint, stop: Motion, snapshot: Snapshot
 ) -> float:
     """Returns the z at which it flies home: no lower than it is, unless that is above what the geofence allows."""

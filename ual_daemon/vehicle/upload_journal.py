@@ -64,7 +64,7 @@ class JournalFile:
         self._written: Sequence[UploadEntry] = ()
 
     @classmethod
-    def beside(cls, home_file: Path) -> JournalFile:
+    def next_to(cls, home_file: Path) -> JournalFile:
         """Returns the one that belongs to a file of home."""
         return cls(home_file.with_suffix(".uploads"))
 
@@ -179,13 +179,13 @@ class Upload:
     ) -> Future[T]:
         """Begins the transfer. `undo` removes what an upload that was cut off has left; None: nothing is left."""
 
-        def asked() -> UalError | None:
+        def refusal_or_none() -> UalError | None:
             error = refusal()
             self._is_sent = self._is_sent or error is None
             return error
 
         try:
-            transferring = transfer(asked)
+            transferring = transfer(refusal_or_none)
         except BaseException:
             self.drop()
             raise

@@ -82,10 +82,10 @@ class Vehicle(ReportedVehicle):
         self.commands = Commands(
             backend, self._flight, self._resolver, self._tasks, settings, allow_arming=allow_arming
         )
-        journal = None if kept is None else JournalFile.beside(kept.path)
+        journal = None if kept is None else JournalFile.next_to(kept.path)
         self.uploads = UploadJournal(journal, lambda: backend.info().identity)
         """The uploads of lists to the autopilot that were begun, and not finished."""
-        file = None if kept is None else MissionFile.beside(kept.path)
+        file = None if kept is None else MissionFile.next_to(kept.path)
         self.kept_files = tuple(each.kept for each in (kept, journal, file) if each is not None)
         self.missions = Missions(backend, self._flight, resolver, self._tasks, settings, file, self.uploads)
         """The missions that the autopilot flies by itself."""
@@ -239,9 +239,9 @@ class Vehicle(ReportedVehicle):
         """Whether every command is refused."""
         return self._flight.is_watch_only
 
-    def is_flown_by_us(self) -> bool:
+    def is_in_control(self) -> bool:
         """Returns whether UAL flies it: it was commanded in this flight, or the UAV would fall without it."""
-        return self._flight.is_flown_by_us()
+        return self._flight.is_in_control()
 
     # --- What is known ------------------------------------------------------------------------------------------------
 
@@ -277,7 +277,7 @@ class Vehicle(ReportedVehicle):
             super()
             .figures()
             ._replace(
-                is_ours=self._flight.is_flown_by_us(),
+                is_ours=self._flight.is_in_control(),
                 is_leased=self._flight.lease.id != NOBODY,
                 link=self.backend.link(),
                 setpoint_rate_hz=self.backend.info().setpoint_rate_hz,

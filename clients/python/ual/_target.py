@@ -119,7 +119,7 @@ class DaemonTarget:
     ) -> None:
         environment.require_known()
         self.ns = _name(ns) or environment.value(environment.NS_VARIABLE) or ""
-        place: tuple[str | None, NetworkChoice | None] = environment.place(address, network)
+        place: tuple[str | None, NetworkChoice | None] = environment.resolve_target(address, network)
         given, on = place
         self._fixed_address = None if given is None else _checked(given)
         self._shown = Credentials.from_environment() if credentials is None else _credentials(credentials)

@@ -165,51 +165,51 @@ class Simulation(Protocol):
 
     def pilot_arm(self) -> None:
         """Arms, as the safety pilot does. Returns when the UAV is armed."""
-        raise _not_offered(self, SimulationPart.PILOT)
+        raise _unsupported(self, SimulationPart.PILOT)
 
     def pilot_disarm(self) -> None:
         """Disarms, as the safety pilot does. Returns when the UAV is disarmed."""
-        raise _not_offered(self, SimulationPart.PILOT)
+        raise _unsupported(self, SimulationPart.PILOT)
 
     def pilot_take_over(self) -> None:
         """Switches to a mode in which the safety pilot flies. Tasks and references end."""
-        raise _not_offered(self, SimulationPart.PILOT)
+        raise _unsupported(self, SimulationPart.PILOT)
 
     def pilot_move_sticks(self, *, forward: float = 0.0, left: float = 0.0, up: float = 0.0, turn: float = 0.0) -> None:
         """Moves the sticks, each from -1 to 1, and leaves them there. `turn` is counter-clockwise seen from above."""
-        raise _not_offered(self, SimulationPart.PILOT)
+        raise _unsupported(self, SimulationPart.PILOT)
 
     def pilot_give_back(self) -> None:
         """Switches back to the mode in which the autopilot takes references from UAL."""
-        raise _not_offered(self, SimulationPart.PILOT)
+        raise _unsupported(self, SimulationPart.PILOT)
 
     def begin_fault(self, fault: Fault, duration_s: float = 0.0) -> str:
         """Begins a fault, for `duration_s` of the simulation's time (0: until it is ended). Returns its identifier."""
-        raise _not_offered(self, SimulationPart.FAULTS)
+        raise _unsupported(self, SimulationPart.FAULTS)
 
     def end_fault(self, fault_id: str = "") -> None:
         """Ends a fault, or all faults where no identifier is given."""
-        raise _not_offered(self, SimulationPart.FAULTS)
+        raise _unsupported(self, SimulationPart.FAULTS)
 
     def faults(self) -> dict[str, Fault]:
         """Returns the faults that are active, by their identifiers."""
-        raise _not_offered(self, SimulationPart.FAULTS)
+        raise _unsupported(self, SimulationPart.FAULTS)
 
     def set_speed_factor(self, speed_factor: float) -> None:
         """Sets how fast simulated time passes: 1 as real time, 0 only by `step`."""
-        raise _not_offered(self, SimulationPart.TIME)
+        raise _unsupported(self, SimulationPart.TIME)
 
     def step(self, duration_s: float) -> None:
         """Lets `duration_s` of simulated time pass. Returns when it has passed. Needs the speed factor 0."""
-        raise _not_offered(self, SimulationPart.TIME)
+        raise _unsupported(self, SimulationPart.TIME)
 
     def set_noise(self, *, position_m: float, velocity_m_s: float) -> None:
         """Sets the noise of the estimate, as standard deviations in metres and metres a second."""
-        raise _not_offered(self, SimulationPart.NOISE)
+        raise _unsupported(self, SimulationPart.NOISE)
 
     def set_wind(self, velocity_m_s: Vector3) -> None:
         """Sets the wind: the velocity of the air, east, north and up, in metres a second."""
-        raise _not_offered(self, SimulationPart.WIND)
+        raise _unsupported(self, SimulationPart.WIND)
 
     def place_on_ground(self, position: Vector3, yaw_rad: float = 0.0) -> None:
         """Puts the UAV on the ground at a place, disarmed and at rest. A flight ends.
@@ -220,10 +220,10 @@ class Simulation(Protocol):
             yaw_rad: The heading, counter-clockwise from east.
 
         """
-        raise _not_offered(self, SimulationPart.PLACE)
+        raise _unsupported(self, SimulationPart.PLACE)
 
 
-def _not_offered(simulation: Simulation, part: SimulationPart) -> NotSupportedError:
+def _unsupported(simulation: Simulation, part: SimulationPart) -> NotSupportedError:
     offered = ", ".join(sorted(each.name.lower() for each in simulation.parts())) or "nothing of its own"
     what = part.name.lower()
     return NotSupportedError(f"this simulation does not offer the part {what} (it offers: {offered})", {"part": what})

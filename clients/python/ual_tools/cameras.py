@@ -219,7 +219,7 @@ def image(session: CommandSession, file: Path, photo_number: int | None, kind: s
     size = f"{found.width_px}x{found.height_px}"
     session.emit(
         {"done": "camera image", "file": str(file), "format": found.format.name, "stamp_s": found.stamp_s},
-        f"{size}, {found.format.name}, {_place_text(found.camera)}: {file}",
+        f"{size}, {found.format.name}, {_pose_text(found.camera)}: {file}",
     )
 
 
@@ -277,7 +277,7 @@ def _photo_text(photo: Photo) -> str:
     stamp = datetime.fromtimestamp(photo.stamp_s, timezone.utc).strftime("%H:%M:%S.%f")[:-3]
     failed = "" if photo.is_stored else ", failed"
     url = f", {photo.file_url}" if photo.file_url else ""
-    return f"photo {photo.number} at {stamp} UTC, {_place_text(photo.body)}{failed}{url}"
+    return f"photo {photo.number} at {stamp} UTC, {_pose_text(photo.body)}{failed}{url}"
 
 
 def _portable(image: Image) -> bytes:
@@ -287,7 +287,7 @@ def _portable(image: Image) -> bytes:
     return f"Pf\n{image.width_px} {image.height_px}\n-1.0\n".encode() + b"".join(reversed(rows))
 
 
-def _place_text(pose: PoseStamped | None) -> str:
+def _pose_text(pose: PoseStamped | None) -> str:
     if pose is None:
         return "place not known"
     x, y, z = pose.pose.position

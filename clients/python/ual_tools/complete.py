@@ -31,12 +31,12 @@ def namespaces(context: click.Context, _: click.Parameter, incomplete: str) -> l
 
 def frames(context: click.Context, _: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """Completes the names of the frames of the chosen UAV."""
-    return _items(_asked(context, lambda uav: [each.frame_id for each in uav.frames()]), incomplete)
+    return _items(_answer_of_uav(context, lambda uav: [each.frame_id for each in uav.frames()]), incomplete)
 
 
 def faults(context: click.Context, _: click.Parameter, incomplete: str) -> list[CompletionItem]:
     """Completes the identifiers of the active faults of a simulated UAV."""
-    return _items(_asked(context, lambda uav: list(uav.simulation.faults())), incomplete)
+    return _items(_answer_of_uav(context, lambda uav: list(uav.simulation.faults())), incomplete)
 
 
 def checks(_: click.Context, __: click.Parameter, incomplete: str) -> list[CompletionItem]:
@@ -46,7 +46,7 @@ def checks(_: click.Context, __: click.Parameter, incomplete: str) -> list[Compl
     return _items((each.name for each in conformance.CHECKS), incomplete)
 
 
-def _asked(context: click.Context, ask: Callable[[Uav], list[str]]) -> list[str]:
+def _answer_of_uav(context: click.Context, ask: Callable[[Uav], list[str]]) -> list[str]:
     """Returns the answer of the chosen UAV; nothing where there is none in time."""
     chosen = session(context)
     try:

@@ -67,7 +67,7 @@ def of_telemetry(t: Telemetry) -> UavCondition:
     return UavCondition(max((level for level, _ in others), default=Urgency.FINE), t.state.name, text, note)
 
 
-def of_seen(seen: WatchedUav, now_s: float, lost_after_s: float) -> UavCondition:
+def uav_condition(seen: WatchedUav, now_s: float, lost_after_s: float) -> UavCondition:
     """Returns how a UAV is by what is known of it."""
     what = problem(seen, now_s, lost_after_s)
     if what:

@@ -14,7 +14,7 @@ from ual import routes
 from ual.errors import InvalidArgumentError
 from ual.geometry import KEEP_HEADING, Pose, PoseStamped, Quaternion, Vector3
 from ual.shared.numbers import parse_number
-from ual.shared.text import decoded, lines_of
+from ual.shared.text import decoded, rows_of
 from ual_tools import complete, values
 from ual_tools.app import command
 from ual_tools.help import Section
@@ -65,7 +65,7 @@ def _poses(file: Path, *, repeat: bool) -> Iterator[Pose]:
         data = file.read_bytes()
     except OSError as error:
         raise InvalidArgumentError(f"cannot read {file}: {error.strerror}", {"field": "file"}) from None
-    poses = list(_parsed(lines_of(_text(data, str(file))), str(file)))
+    poses = list(_parsed(rows_of(_text(data, str(file))), str(file)))
     if not poses:
         raise InvalidArgumentError(f"{file} has no poses", {"field": "file"})
     yield from poses

@@ -109,22 +109,22 @@ def _print(session: CommandSession, kept: KeptFence) -> None:
         return
     rows = [*map(_zone_row, kept.zones), *map(_rally_row, kept.rally_points)]
     if kept.return_point is not None:
-        rows.append(("point to return to", _place(*kept.return_point)))
+        rows.append(("point to return to", _position_text(*kept.return_point)))
     if rows:
         print_table(("what", "places"), rows)
     click.echo(_summary(kept))
 
 
 def _zone_row(zone: FenceZone) -> tuple[str, str]:
-    return zone.text, " ".join(_place(*each) for each in zone.points)
+    return zone.text, " ".join(_position_text(*each) for each in zone.points)
 
 
 def _rally_row(point: RallyPoint) -> tuple[str, str]:
     above = "the sea" if point.reference is AltitudeReference.AMSL else "home"
-    return f"rally point, {point.height_m} m above {above}", _place(point.latitude_deg, point.longitude_deg)
+    return f"rally point, {point.height_m} m above {above}", _position_text(point.latitude_deg, point.longitude_deg)
 
 
-def _place(latitude_deg: float, longitude_deg: float) -> str:
+def _position_text(latitude_deg: float, longitude_deg: float) -> str:
     return f"{latitude_deg:.7f},{longitude_deg:.7f}"
 
 

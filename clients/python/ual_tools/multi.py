@@ -76,7 +76,7 @@ def invoke(
         gate.close()
         _stop(runs)
         for run in runs:
-            run.print_lines()
+            run.print_output()
         context.exit(INTERRUPTED)
     for run in runs:
         if run.defect is not None:
@@ -88,8 +88,8 @@ def _print_until_done(run: _UavRun) -> None:
     """Prints what the command of one UAV prints. The others' lines wait: results come in the order of the names."""
     while run.thread.is_alive():
         run.thread.join(_LOOK_S)
-        run.print_lines()
-    run.print_lines()
+        run.print_output()
+    run.print_output()
 
 
 def _print_worst_first(runs: Sequence[_UavRun], session: CommandSession) -> None:
@@ -99,7 +99,7 @@ def _print_worst_first(runs: Sequence[_UavRun], session: CommandSession) -> None
         while run.thread.is_alive():
             run.thread.join(_LOOK_S)
     for run in condition.worst_first(runs, lambda each: each.condition, lambda each: each.name):
-        run.print_lines()
+        run.print_output()
     if sys.stdout.isatty() and not session.as_json:
         write(f"{len(runs)} UAVs: {condition.summary(run.condition for run in runs)}", OutputKind.RESULT)
 
@@ -146,7 +146,7 @@ class _UavRun:
 
         return self._member.condition or UavCondition(Urgency.ALARM, "not known")
 
-    def print_lines(self) -> None:
+    def print_output(self) -> None:
         """Prints what its command has printed since."""
         while not self._member.lines.empty():
             try:

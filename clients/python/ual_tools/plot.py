@@ -79,7 +79,7 @@ def draw(places: Sequence[PlotPoint], file: Path, title: str) -> None:
     for name, line, style in lines:
         above.plot([p.x for p in line], [p.y for p in line], style, label=name)
         height.plot(times, [p.z for p in line], style, label=name)
-    errors = off_line_m(places)
+    errors = cross_track_m(places)
     error.plot(times, errors)
     above.set(xlabel="x (m)", ylabel="y (m)", aspect="equal", title=title)
     above.legend()
@@ -95,7 +95,7 @@ def draw(places: Sequence[PlotPoint], file: Path, title: str) -> None:
         raise InvalidArgumentError(f"cannot write {file}: {failure.strerror}", {"field": "plot"}) from None
 
 
-def off_line_m(places: Sequence[PlotPoint]) -> list[float]:
+def cross_track_m(places: Sequence[PlotPoint]) -> list[float]:
     """Returns how far each flown place is from the nearest part of the wanted line, at whatever time that was wanted.
 
     The nearest part moves along the line with time, so it is searched near the one before.

@@ -265,7 +265,7 @@ def plot(session: CommandSession, file: Path, output: Path | None, log_file: Pat
     drawn = page.flights(messages, is_in_map=is_in_map)
     if not drawn:
         raise InvalidArgumentError(f"{file} has no telemetry", {"field": "file"})
-    log = None if log_file is None else _beside(drawn, log_file, file)
+    log = None if log_file is None else _aligned_track(drawn, log_file, file)
     try:
         page.draw(drawn, target, file.stem, log)
     except OSError as error:
@@ -273,7 +273,7 @@ def plot(session: CommandSession, file: Path, output: Path | None, log_file: Pat
     session.emit_written({"file": str(target)}, str(target))
 
 
-def _beside(drawn: list[DrawnFlight], log_file: Path, recording: Path) -> LogTrack:
+def _aligned_track(drawn: list[DrawnFlight], log_file: Path, recording: Path) -> LogTrack:
     """Returns the track in a log of the autopilot, laid over the flight that was recorded."""
     from ual.recording.reader import Recording
     from ual_tools.recording import autopilot_log

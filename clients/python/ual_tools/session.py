@@ -105,7 +105,7 @@ class CommandSession:
         network = self.network_config if "network_config" in self.typed else None
         if self.uses_network:
             network = self.network_config or LOOPBACK
-        self.address, self.network_config = environment.place(self._if_typed("address"), network)
+        self.address, self.network_config = environment.resolve_target(self._if_typed("address"), network)
 
     def daemons(self) -> list[Registration]:
         """Returns the daemons of this computer, or those of the network that can be reached from here."""

@@ -136,10 +136,10 @@ def _follow(session: CommandSession, board: Board, *, is_all: bool) -> None:
 
         watch_screen.show(board, watch_screen.FleetTable() if is_all else watch_screen.Detail())
     else:
-        _print_lines(session, board, is_one=not is_all)
+        _print_rows(session, board, is_one=not is_all)
 
 
-def _print_lines(session: CommandSession, board: Board, *, is_one: bool) -> None:
+def _print_rows(session: CommandSession, board: Board, *, is_one: bool) -> None:
     while True:
         board.changed.wait()
         board.changed.clear()
@@ -159,7 +159,7 @@ def _print(session: CommandSession, ns: str, telemetry: Telemetry, *, is_one: bo
         return
     how = condition.of_telemetry(telemetry)
     speed = "" if telemetry.velocity is None else f"{telemetry.velocity.linear.norm():.2f} m/s"
-    where = _pose(telemetry) if is_one else _place(telemetry)
+    where = _pose(telemetry) if is_one else _position_text(telemetry)
     parts = [ns, telemetry.state.name, where, speed, condition.battery_text(telemetry.battery), how.note]
     click.echo("\t".join(parts).rstrip("\t"))
 
@@ -168,6 +168,6 @@ def _pose(telemetry: Telemetry) -> str:
     return "" if telemetry.pose is None else pose_text(telemetry.pose)
 
 
-def _place(telemetry: Telemetry) -> str:
+def _position_text(telemetry: Telemetry) -> str:
     place = positions.position(telemetry)
     return "" if place is None else f"{vector_text(place)} in map"

@@ -93,7 +93,7 @@ class Board:
             new, self._new = self._new, {}
         return new
 
-    def seen(self) -> Mapping[str, WatchedUav]:
+    def watched_uavs(self) -> Mapping[str, WatchedUav]:
         """Returns what is known of each UAV, sorted by name and number, without those that ended a while ago."""
         now_s = time.monotonic()
         with self._lock:

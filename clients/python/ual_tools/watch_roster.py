@@ -40,7 +40,7 @@ def kept_up_to_date(roster: WatchRoster) -> Iterator[None]:
 
     def scan() -> None:
         while not is_closing.wait(_SCAN_S):
-            guard.contain(roster.look)
+            guard.contain(roster.refresh)
 
     scanner = threading.Thread(target=scan, daemon=True)
     scanner.start()
@@ -99,7 +99,7 @@ class WatchRoster:
                 self._threads[daemon] = (thread, is_ended)
                 thread.start()
 
-    def look(self) -> None:
+    def refresh(self) -> None:
         """Updates. Where the daemons cannot be looked for (no file descriptor is left), those that are known stay."""
         try:
             self.update()

@@ -43,7 +43,7 @@ def show(board: Board, picture: ScreenPicture) -> None:
         drawn_s = 0.0
         pressed: Sequence[Key] = []
         while Key.QUIT not in pressed:
-            picture.press(pressed, len(board.seen()), console.size.height)
+            picture.press(pressed, len(board.watched_uavs()), console.size.height)
             if pressed or board.changed.is_set() or time.monotonic() - drawn_s >= _REFRESH_S:
                 board.changed.clear()
                 live.update(picture.draw(board, console.size.width, console.size.height), refresh=True)
@@ -64,7 +64,7 @@ class FleetTable:
     def draw(self, board: Board, width: int, height: int) -> RenderableType:
         """Returns the lines."""
         lines = watch_table.table(
-            board.seen(),
+            board.watched_uavs(),
             width=width,
             height=height,
             top=self._top,
@@ -82,7 +82,9 @@ class Detail:
 
     def draw(self, board: Board, width: int, height: int) -> RenderableType:
         """Returns the lines, each with its name."""
-        return as_text(detail(board.seen(), width=width, now_s=time.monotonic(), lost_after_s=board.lost_after_s))
+        return as_text(
+            detail(board.watched_uavs(), width=width, now_s=time.monotonic(), lost_after_s=board.lost_after_s)
+        )
 
 
 def as_text(lines: Sequence[watch_table.TableRow]) -> RenderableType:

@@ -44,7 +44,7 @@ class _Column:
     cell: Callable[[Telemetry], str]
 
 
-def _place(t: Telemetry) -> str:
+def _position_text(t: Telemetry) -> str:
     place = positions.position(t)
     return "" if place is None else " ".join(f"{c:6.1f}" for c in place)
 
@@ -53,7 +53,7 @@ def _place(t: Telemetry) -> str:
 _COLUMNS = (
     _Column("state", 15, lambda t: t.state.name),
     _Column("battery", 13, lambda t: condition.battery_text(t.battery)),
-    _Column("x y z (m) in map", 21, _place),
+    _Column("x y z (m) in map", 21, _position_text),
     _Column("m/s", 4, lambda t: "" if t.velocity is None else f"{t.velocity.linear.norm():4.1f}"),
 )
 _MORE_COLUMNS = (
@@ -85,7 +85,7 @@ def table(
     seen: Mapping[str, WatchedUav], *, width: int, height: int, top: int, now_s: float, lost_after_s: float
 ) -> list[TableRow]:
     """Returns the lines of the screen: `height` at most, and each `width` characters at most."""
-    conditions = {ns: condition.of_seen(each, now_s, lost_after_s) for ns, each in seen.items()}
+    conditions = {ns: condition.uav_condition(each, now_s, lost_after_s) for ns, each in seen.items()}
     names = condition.worst_first(seen, conditions.__getitem__, str)
     name_width = min(_MOST_OF_NAME, max(3, width // 3), max([3, *map(len, names)]))
     columns = _fitting(width - name_width)

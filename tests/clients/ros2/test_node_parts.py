@@ -22,7 +22,7 @@ from tests.clients.ros2 import messages
 from ual_ros2 import health, outcome, settings
 from ual_ros2.outcome import CommandOutcome, CommandRun
 from ual_ros2.ros_time import RosTime
-from ual_ros2.setpoints import STALE_S, Newest, TopicValue, send_given
+from ual_ros2.setpoints import STALE_S, Newest, TopicValue, send_value
 from ual_ros2.tf_buffer import TfBuffer
 
 
@@ -548,7 +548,7 @@ def test_a_setpoint_that_waits_while_the_node_is_deactivated_is_not_sent(ends_in
         ual.PoseStamped(ual.Pose.at(1.0, 2.0, 3.0), "deck"),
         ual.TwistStamped(ual.Twist(ual.Vector3(1.0)), "deck"),
     ):
-        asyncio.run(send_given(uav, Flying(ends_in), TopicValue("set_pose", value, 0.0), lambda: 0.5))
+        asyncio.run(send_value(uav, Flying(ends_in), TopicValue("set_pose", value, 0.0), lambda: 0.5))
     assert (uav.set_pose.await_count, uav.set_velocity.await_count) == (is_sent, is_sent)
 
 
@@ -556,9 +556,9 @@ def test_a_velocity_that_waited_too_long_for_its_frame_is_not_flown_and_a_pose_i
     uav: Any = SimpleNamespace(set_pose=AsyncMock(), set_velocity=AsyncMock())
     pose = ual.PoseStamped(ual.Pose.at(1.0, 2.0, 3.0), "deck")
     velocity = ual.TwistStamped(ual.Twist(ual.Vector3(1.0)), "deck")
-    asyncio.run(send_given(uav, Flying(), TopicValue("set_pose", pose, 7.0), lambda: 8.0))
+    asyncio.run(send_value(uav, Flying(), TopicValue("set_pose", pose, 7.0), lambda: 8.0))
     with pytest.raises(ual.UalTimeoutError, match=r"waited for more than 0\.5 s .* it is not flown"):
-        asyncio.run(send_given(uav, Flying(), TopicValue("set_velocity", velocity, 7.0), lambda: 7.6))
+        asyncio.run(send_value(uav, Flying(), TopicValue("set_velocity", velocity, 7.0), lambda: 7.6))
     assert (uav.set_pose.await_count, uav.set_velocity.await_count) == (1, 0)
 
 

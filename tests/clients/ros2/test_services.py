@@ -359,7 +359,7 @@ def test_what_is_refused_is_counted_and_told() -> None:
 
 
 @pytest.mark.parametrize(
-    ("is_simulation", "refusal", "is_offered", "asked_count"),
+    ("is_simulation", "refusal", "is_available", "asked_count"),
     [
         (False, None, False, 0),
         (True, None, True, 1),
@@ -373,7 +373,7 @@ def test_the_simulation_of_a_real_uav_is_not_asked_for(
     parts = AsyncMock(return_value=frozenset(), side_effect=refusal)
     uav: Any = SimpleNamespace(simulation=SimpleNamespace(parts=parts))
     info: Any = SimpleNamespace(is_simulation=is_simulation)
-    assert asyncio.run(_awaited(simulation.is_offered(uav, info))) is is_offered
+    assert asyncio.run(_awaited(simulation.is_available(uav, info))) is is_offered
     assert parts.await_count == asked_count
 
 

@@ -21,7 +21,7 @@ from ual_tools.main import cli
 def chained(entries: list[dict[str, Any]]) -> list[bytes]:
     lines, head = [], audit.START
     for entry in entries:
-        text, head = audit.line(entry, head)
+        text, head = audit.encoded_entry(entry, head)
         lines.append(text)
     return lines
 
@@ -78,13 +78,13 @@ def test_an_incomplete_line_is_allowed_where_the_next_daemon_has_seen_it() -> No
     lines = chained(ENTRIES[:2])
     torn, head = lines[1][:30], audit.hash_of(lines[0])
     assert head is not None
-    opened, _ = audit.line({"event": audit.OPENED, audit.TORN: hashlib.sha256(torn).hexdigest()}, head)
+    opened, _ = audit.encoded_entry({"event": audit.OPENED, audit.TORN: hashlib.sha256(torn).hexdigest()}, head)
     assert audit.verify([lines[0], torn, opened]).torn_count == 1
     with pytest.raises(BrokenChainError, match="line 2 is no line"):
         audit.verify([lines[0], torn + b"x", opened])
     with pytest.raises(BrokenChainError, match="line 2 is no line"):
         audit.verify([lines[0], torn, torn, opened])
-    without, _ = audit.line({"event": audit.OPENED}, head)
+    without, _ = audit.encoded_entry({"event": audit.OPENED}, head)
     with pytest.raises(BrokenChainError, match="line 2 is no line"):
         audit.verify([lines[0], torn, without])
 

@@ -223,11 +223,11 @@ def test_what_is_not_heard_is_not_there_whatever_its_sign_of_life_says(case: Cas
     for name, instance, rate_hz in (("uav_1", 1, 1.0), ("uav_2", 2, 0.5)):
         case.roster.on_alive(source(name, instance), 0.0)
         case.roster.on_report(source(name, instance), report(uav(name), rate_hz=rate_hz), 10.0)
-    assert not case.roster.look(14.9)
-    assert case.roster.look(15.1)
+    assert not case.roster.update(14.9)
+    assert case.roster.update(15.1)
     assert [each.gone_s for each in case.roster.uavs()] == [15.1, None]
-    assert not case.roster.look(16.0)
-    assert case.roster.look(20.1)
+    assert not case.roster.update(16.0)
+    assert case.roster.update(20.1)
     case.roster.on_report(source("uav_1", 1), report(), 21.0)
     assert [each.gone_s for each in case.roster.uavs()] == [None, 20.1]
     case.roster.on_gone(source("uav_2", 2), 30.0)

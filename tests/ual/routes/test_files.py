@@ -151,7 +151,7 @@ VALUES = st.recursive(
     | st.text("<>/ab\"'= ,.0159kmlgpxrte", max_size=200).map(lambda text: f"<gpx>{text}</gpx>")
 )
 def test_whatever_a_file_holds_only_a_route_error_comes_out(text: str) -> None:
-    for parse in (routes.parse_plan, routes.parse_kml, routes.parse_lines):
+    for parse in (routes.parse_plan, routes.parse_kml, routes.parse_waypoints):
         with contextlib.suppress(RouteError):
             parse(text, "file")
     for ending in ("csv", "plan", "kml", "gpx", "geojson", "waypoints"):

@@ -74,7 +74,7 @@ def test_a_column_of_headings_is_read() -> None:
 @pytest.mark.parametrize("text", ["1_000", "nan", "infinity", "１", "0x1F", ""])
 def test_a_line_with_what_is_no_number_is_refused(line: str, text: str) -> None:
     with pytest.raises(RouteError, match=r"points, line 2: .* is not a waypoint: write X,Y,Z\[,YAW\]"):
-        routes.parse_lines(f"0,0,3\n{line.format(text)}\n", "points")
+        routes.parse_waypoints(f"0,0,3\n{line.format(text)}\n", "points")
 
 
 @pytest.mark.parametrize(
@@ -113,12 +113,12 @@ def test_waypoints_one_a_line_may_hold() -> None:
     lines = '0,0,3\n{"x": 1, "y": 0, "z": 3, "hold_s": 2.5}\n'
     assert routes.parse_list(lines, "points").holds_s == [0.0, 2.5]
     assert routes.parse_list("0,0,3\n", "points").holds_s == ()
-    assert len(routes.parse_lines(lines, "points")) == 2
+    assert len(routes.parse_waypoints(lines, "points")) == 2
 
 
 def test_a_heading_of_90_radians_in_a_file_is_refused_with_a_hint() -> None:
     with pytest.raises(routes.RouteError, match=r"points, line 2: 90 radians are more than a full turn: 90deg\?"):
-        routes.parse_lines("0,0,3,1.5\n1,0,3,90\n", "points")
+        routes.parse_waypoints("0,0,3,1.5\n1,0,3,90\n", "points")
 
 
 def test_angles_have_units() -> None:

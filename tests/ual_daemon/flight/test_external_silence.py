@@ -21,7 +21,7 @@ def test_they_are_blamed_as_long_as_the_position_can_have_rested_on_them(
     good_until_s: float, now_s: float, is_told: bool
 ) -> None:
     silence = ExternalSilence()
-    silence.heard(3.0)
+    silence.on_pose(3.0)
     silence.note_good(good_until_s)
     assert silence.text(3.1) == ""
     assert (silence.text(now_s) != "") is is_told

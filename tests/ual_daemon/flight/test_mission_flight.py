@@ -837,4 +837,4 @@ def test_an_abort_as_a_mission_begins_its_landing_stops_it(world: World) -> None
     world.autopilot.landed = LandedState.IN_AIR
     world.run(0.5)
     assert world.state is State.FLYING_AUTO
-    assert world.flight.is_flown_by_us()
+    assert world.flight.is_in_control()

@@ -55,7 +55,7 @@ class Flight:
         while self.now_s < until_s - 1e-9:
             self.now_s += STEP_S
             if self.is_measured:
-                self.silence.heard(self.now_s)
+                self.silence.on_pose(self.now_s)
             if self.now_s >= self.watch.due_s:
                 self.watch.update(self.snapshot())
         return self.watch.trouble

@@ -37,7 +37,7 @@ def test_names_that_no_daemon_could_have_are_refused() -> None:
 
 
 def test_the_places_are_rows_of_ten_and_do_not_depend_on_how_many_there_are() -> None:
-    few, many = fleet.places([None] * 12, 3.0), fleet.places([None] * 200, 3.0)
+    few, many = fleet.grid_positions([None] * 12, 3.0), fleet.grid_positions([None] * 200, 3.0)
     assert many[:12] == few
     assert few[0] == Vector3()
     assert few[9] == Vector3(27.0, 0.0, 0.0)
@@ -48,7 +48,7 @@ def test_the_places_are_rows_of_ten_and_do_not_depend_on_how_many_there_are() ->
 def test_vehicles_with_urls_of_their_own_stand_where_they_stand() -> None:
     assert fleet.urls(None, ["radio://1", "radio://2"]) == ["radio://1", "radio://2"]
     assert fleet.urls(3, []) == [None] * 3
-    assert fleet.places(["radio://1", "radio://2"], 3.0) == [Vector3(), Vector3()]
+    assert fleet.grid_positions(["radio://1", "radio://2"], 3.0) == [Vector3(), Vector3()]
 
 
 def test_two_urls_of_one_vehicle_are_refused() -> None:

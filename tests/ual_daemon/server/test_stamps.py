@@ -22,7 +22,7 @@ from tests.conftest import StartDaemon
 from ual.v1 import ual_pb2 as pb
 from ual.wire import rpc_errors
 from ual_daemon.program.recording.audit import changes
-from ual_daemon.server.door import require_times, ways_to_times
+from ual_daemon.server.door import paths_to_times, require_times
 from ual_tools.main import cli
 
 HOSTILE = ((1 << 63) - 1, 0), (-(1 << 63), 0), (253_402_300_800, 0), (-62_135_596_801, 0), (0, -1), (0, 1_000_000_000)
@@ -112,4 +112,4 @@ def test_times_that_are_some_are_accepted() -> None:
     for method, path in STAMPED:
         for seconds, nanos in ((0, 0), (253_402_300_799, 999_999_999), (-62_135_596_800, 0)):
             if path[-1].message_type.name == "Timestamp":
-                require_times(request_of(method, path, seconds, nanos), ways_to_times(method.input_type))
+                require_times(request_of(method, path, seconds, nanos), paths_to_times(method.input_type))

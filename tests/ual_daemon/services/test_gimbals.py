@@ -68,7 +68,7 @@ class MadeUp(GimbalDriver):
         return self.facts
 
     @property
-    def place(self) -> Vector3:
+    def mount_position(self) -> Vector3:
         return Vector3(0.0, 0.0, -0.1)
 
     def attitude(self) -> GimbalAttitude | None:

@@ -9,7 +9,7 @@ from tests.ual_daemon.flight.manoeuvres.test_autopilot_mission import Lab
 from ual.missions.plan import MissionStage
 from ual_daemon.backends.offers.missions import MissionReport
 from ual_daemon.backends.values import Control, LandedState
-from ual_daemon.vehicle.mission_stage import Brought, judged_stage
+from ual_daemon.vehicle.mission_stage import Brought, estimated_stage
 
 NONE, NOT_STARTED, ACTIVE, PAUSED, COMPLETE = list(MissionStage)[1:]
 
@@ -18,7 +18,7 @@ def judged(told: MissionStage, mode: str, *, armed: bool = True, lab: Lab | None
     """Returns the stage of a mission that is no task, of which a task was the last one."""
     autopilot = Autopilot(control=Control.OTHER, landed=LandedState.IN_AIR, mode=mode, armed=armed)
     last = None if lab is None else lab.mission
-    return judged_stage(MissionReport(told, 1, 1, 0.0, 5), autopilot.snapshot(), "MISSION", None, last)
+    return estimated_stage(MissionReport(told, 1, 1, 0.0, 5), autopilot.snapshot(), "MISSION", None, last)
 
 
 @pytest.mark.parametrize(
@@ -54,7 +54,7 @@ def test_one_that_was_just_brought_has_not_begun(told: MissionStage, *, armed: b
     autopilot = Autopilot(control=Control.OTHER, landed=LandedState.ON_GROUND, mode="OFFBOARD", armed=armed)
     report = MissionReport(told, 4, 3, 1.0, 5, 1.0)
     brought = Brought(1.5, NOT_STARTED)
-    assert judged_stage(report, autopilot.snapshot(), "MISSION", None, None, brought) is NOT_STARTED
+    assert estimated_stage(report, autopilot.snapshot(), "MISSION", None, None, brought) is NOT_STARTED
 
 
 @pytest.mark.parametrize("told", [PAUSED, COMPLETE])
@@ -65,7 +65,7 @@ def test_one_of_which_nothing_was_reached_has_not_begun_on_the_ground(told: Miss
     for reached, reached_s in ((None, 0.0), (3, 1.0)):
         report = MissionReport(told, 4, reached, 2.0, 5, reached_s)
         brought = Brought(1.5, NOT_STARTED)
-        assert judged_stage(report, autopilot.snapshot(), "MISSION", None, None, brought) is NOT_STARTED
+        assert estimated_stage(report, autopilot.snapshot(), "MISSION", None, None, brought) is NOT_STARTED
 
 
 def stage_of(lab: Lab) -> MissionStage:
@@ -81,11 +81,11 @@ def test_a_task_tells_what_it_was_seen_to_do() -> None:
     told.append(stage_of(lab))
     report = MissionReport(ACTIVE, 1, None, 0.0, 5)
     assert told == [NOT_STARTED, ACTIVE, PAUSED]
-    assert judged_stage(report, lab.autopilot.snapshot(), "MISSION", lab.mission, lab.mission) is PAUSED
+    assert estimated_stage(report, lab.autopilot.snapshot(), "MISSION", lab.mission, lab.mission) is PAUSED
 
 
 def test_one_that_was_just_started_is_there() -> None:
     """PX4 tells for up to 1 s after an upload that it has none."""
     lab = Lab()
     report = MissionReport(NONE, 1, None, 0.0, 5)
-    assert judged_stage(report, lab.autopilot.snapshot(), "MISSION", lab.mission, lab.mission) is NOT_STARTED
+    assert estimated_stage(report, lab.autopilot.snapshot(), "MISSION", lab.mission, lab.mission) is NOT_STARTED

@@ -52,7 +52,7 @@ def test_two_senders_beside_each_other_are_two_sources(ratio: int) -> None:
     sources, told = PoseSources(), []
     for number in range(100):
         now_s = number * PERIOD_S
-        sources.heard("", now_s)
+        sources.on_pose("", now_s)
         sources.step_m(at(number, 0.3 if number % ratio == 0 else 0.0), now_s, 0.005, FLOWN)
         told.append(sources.two(now_s))
     assert told[-1] == "poses from outside step to and fro by 0.3 m: they come from two sources"
@@ -69,7 +69,7 @@ def test_one_pose_that_is_wrong_is_no_second_source() -> None:
 def test_callers_that_take_turns_are_named_until_one_ends() -> None:
     sources = PoseSources()
     for number in range(10):
-        sources.heard("mocap@ipv4:10.0.0.7:1" if number % 2 else "", number * PERIOD_S)
+        sources.on_pose("mocap@ipv4:10.0.0.7:1" if number % 2 else "", number * PERIOD_S)
     assert sources.two(0.2) == "poses from outside come from mocap@ipv4:10.0.0.7:1 and this process"
     assert not sources.two(1.3)
 
@@ -77,5 +77,5 @@ def test_callers_that_take_turns_are_named_until_one_ends() -> None:
 def test_a_caller_that_connects_anew_is_one() -> None:
     sources = PoseSources()
     for number in range(100):
-        sources.heard("ipv4:10.0.0.7:1" if number < 50 else "ipv4:10.0.0.7:2", number * PERIOD_S)
+        sources.on_pose("ipv4:10.0.0.7:1" if number < 50 else "ipv4:10.0.0.7:2", number * PERIOD_S)
         assert not sources.two(number * PERIOD_S)

@@ -279,17 +279,17 @@ def test_a_board_shows_what_is_told_and_since_when_it_is_gone() -> None:
     feed = Feed(case, board, said.append)  # type: ignore[arg-type]
     case.tell(1)
     feed.update()
-    seen = board.seen()["uav_1"]
+    seen = board.watched_uavs()["uav_1"]
     assert seen.telemetry is not None
     assert (seen.telemetry.state, seen.why) == (State.FLYING_AUTO, "")
     case.roster.on_gone(source(instance=1), 2.0)
     feed.update()
     feed.update()
-    assert "gone from the network since" in board.seen()["uav_1"].why
+    assert "gone from the network since" in board.watched_uavs()["uav_1"].why
     assert len(said) == 1
     case.tell(1, now_s=3.0)
     feed.update()
-    assert board.seen()["uav_1"].why == ""
+    assert board.watched_uavs()["uav_1"].why == ""
 
 
 def test_two_of_one_name_have_a_line_each() -> None:
@@ -300,7 +300,7 @@ def test_two_of_one_name_have_a_line_each() -> None:
     feed.update()
     case.tell(2, "10.0.0.2:50051", "b")
     feed.update()
-    seen = board.seen()
+    seen = board.watched_uavs()
     assert list(seen) == ["uav_1@10.0.0.1:50051", "uav_1@10.0.0.2:50051"], "and none says that a daemon has ended"
     assert all("another UAV has the name uav_1" in each.why for each in seen.values())
 

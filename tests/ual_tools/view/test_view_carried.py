@@ -32,7 +32,7 @@ class Gripper:
 
 def look(carried: PayloadBoard, gripper: Gripper, now_s: float, *, is_wanted: bool = True) -> None:
     of_uav: Any = gripper
-    carried.look(of_uav, now_s, is_wanted=is_wanted)
+    carried.poll(of_uav, now_s, is_wanted=is_wanted)
 
 
 def test_each_device_has_a_line_and_what_is_not_known_is_told_as_unknown() -> None:

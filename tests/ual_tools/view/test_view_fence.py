@@ -10,13 +10,13 @@ import pytest
 from ual.geometry import Quaternion, Transform, Vector3
 from ual.types import Circle, Frame, Geofence
 from ual_tools.view import orders, tree
-from ual_tools.view.fence import lines
+from ual_tools.view.fence import fence_edges
 
 SQUARE = (Vector3(0.0, 0.0, 9.0), Vector3(10.0, 0.0, 9.0), Vector3(10.0, 10.0, 9.0), Vector3(0.0, 10.0, 9.0))
 
 
 def test_the_edges_of_a_fence() -> None:
-    found = lines(Geofence(corners=SQUARE, min_z_m=1.0, max_z_m=5.0))
+    found = fence_edges(Geofence(corners=SQUARE, min_z_m=1.0, max_z_m=5.0))
     assert len(found) == 12
     assert {point.z for line in found for point in line} == {1.0, 5.0}
     assert found[0] == (Vector3(0.0, 0.0, 1.0), Vector3(10.0, 0.0, 1.0))
@@ -24,18 +24,18 @@ def test_the_edges_of_a_fence() -> None:
 
 
 def test_a_fence_without_a_top_is_drawn_on_the_ground() -> None:
-    found = lines(Geofence(corners=SQUARE))
+    found = fence_edges(Geofence(corners=SQUARE))
     assert len(found) == 4
     assert {point.z for line in found for point in line} == {0.0}
 
 
 def test_a_fence_without_sides_has_no_lines() -> None:
-    assert lines(Geofence(min_z_m=0.0, max_z_m=120.0)) == []
+    assert fence_edges(Geofence(min_z_m=0.0, max_z_m=120.0)) == []
 
 
 def test_a_circle_is_a_ring_of_its_radius() -> None:
     centre = Vector3(3.0, -4.0, 0.0)
-    found = lines(Geofence(circle=Circle(centre, 20.0)))
+    found = fence_edges(Geofence(circle=Circle(centre, 20.0)))
     assert all(math.isclose((point - centre).norm(), 20.0) for line in found for point in line)
     assert all(after[0] == before[1] for before, after in pairwise(found))
     assert found[-1][1] == found[0][0]

@@ -27,7 +27,7 @@ GEOD = Geod(ellps="WGS84")
 @given(st.floats(-75.0, 75.0), st.floats(-180.0, 180.0), st.floats(-2000.0, 2000.0), st.floats(-2000.0, 2000.0))
 def test_a_place_is_where_the_ellipsoid_says(latitude_deg: float, longitude_deg: float, x: float, y: float) -> None:
     origin = Origin(EarthPosition(latitude_deg, longitude_deg))
-    place = origin.place_at(Vector3(x, y, 0.0))
+    place = origin.position_at(Vector3(x, y, 0.0))
     back = origin.in_map(place)
     assert (back - Vector3(x, y, 0.0)).norm() < 1e-4
     _, _, distance_m = GEOD.inv(longitude_deg, latitude_deg, place.longitude_deg, place.latitude_deg)
@@ -35,7 +35,7 @@ def test_a_place_is_where_the_ellipsoid_says(latitude_deg: float, longitude_deg:
 
 
 def test_the_origin_follows_from_a_uav_that_stands_beside_it() -> None:
-    here = Origin(SEVILLE).place_at(Vector3(200.0, 100.0, 0.0))
+    here = Origin(SEVILLE).position_at(Vector3(200.0, 100.0, 0.0))
     found = Origin.of(here, Vector3(200.0, 100.0, 4.0))
     assert found.in_map(SEVILLE).norm() < 0.02
 

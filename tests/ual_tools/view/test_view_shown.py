@@ -227,23 +227,23 @@ def test_the_journal_has_each_change_once() -> None:
         old,
         old,
     ):
-        journal.look(look(seen), seen, UTC_S)
+        journal.note_changes(look(seen), seen, UTC_S)
     journal.refused("uav_1", "go to 1 2 3", GeofenceError("outside"), UTC_S)
     ended = TaskInfo("1", TaskKind.LAND, TaskStatus.ABORTED, error=GeofenceError("no"), description="land")
     journal.ended("uav_1", ended, UTC_S)
-    assert journal.lines("uav_1") == [
+    assert journal.entries("uav_1") == [
         "22:13:20 UTC uav_1: land: ABORTED: GEOFENCE: no",
         "22:13:20 UTC uav_1: go to 1 2 3 REFUSED: GEOFENCE: outside",
         "22:13:20 UTC uav_1: LOST since 22:11:40 UTC: no telemetry for 100 s, it was FLYING_AUTO",
         "22:13:20 UTC uav_1: the autopilot says: Low battery",
         "22:13:20 UTC uav_1: FLYING_AUTO (in the air)",
     ]
-    assert journal.lines("uav_2") == []
+    assert journal.entries("uav_2") == []
 
 
 def test_the_journal_has_a_loss_once_although_its_age_grows() -> None:
     journal = Journal()
     for age_s in (4.7, 4.9, 5.1):
         seen = WatchedUav(NOW_S, dataclasses.replace(FLYING, status_text=f"nothing heard for {age_s:.1f} s"))
-        journal.look(look(seen), seen, UTC_S)
-    assert sum("nothing heard" in line for line in journal.lines("uav_1")) == 1
+        journal.note_changes(look(seen), seen, UTC_S)
+    assert sum("nothing heard" in line for line in journal.entries("uav_1")) == 1

@@ -41,7 +41,7 @@ class Cameras:
 
 def look(taken: Taken, cameras: Cameras, now_s: float, *, wants_image: bool = False) -> None:
     of_uav: Any = cameras
-    taken.look(of_uav, now_s, wants_image=wants_image)
+    taken.poll(of_uav, now_s, wants_image=wants_image)
 
 
 def test_it_is_asked_once_a_second_and_a_picture_comes_once_where_it_is_wanted() -> None:

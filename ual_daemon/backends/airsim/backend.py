@@ -76,13 +76,13 @@ class AirsimBackend(EngineBackend[AirsimRequest]):
         self._session = AirsimSession(link, self._commands, self._mailbox, clock, settings.mass_kg, self._wall_s)
         link.on_connect = self._on_connect
         fetcher = PictureFetcher(address, f"airsim pictures {options.ns}", lambda: self._session.vehicle)
-        self._cameras = AirsimCameras(fetcher, self._place, lambda: link.trouble)
+        self._cameras = AirsimCameras(fetcher, self._local_frame_origin, lambda: link.trouble)
         self._session.on_pose = self._cameras.on_report
         self._procedures = Procedures(lambda: self._session.vehicle)
         self._pilot = AirsimPilot(address, lambda: self._session.vehicle, lambda: self._session.report)
         self._offers = (self._cameras,)
         self._loop = self._session.loop
-        self._entrance = CommandEntrance(self._loop, clock, self._session.reach)
+        self._entrance = CommandEntrance(self._loop, clock, self._session.require_runner)
 
     def _connect(self, address: AirsimAddress) -> RpcConnection:
         return RpcConnection(address)
@@ -224,7 +224,7 @@ class AirsimBackend(EngineBackend[AirsimRequest]):
         assert self._link.simulator is not None
         self._cameras.on_connect(self._link.simulator.cameras, has_booted)
 
-    def _place(self) -> LocalFrameOrigin:
+    def _local_frame_origin(self) -> LocalFrameOrigin:
         simulator = self._link.simulator
         return LocalFrameOrigin(self._session.boots_count, None if simulator is None else projection_of(simulator))
 

@@ -53,7 +53,7 @@ class Procedures:
         if self._require_api_control(connection):
             self.hover(connection)
 
-    def place(self, connection: RpcCaller, position: Vector3, yaw_rad: float) -> None:
+    def put_on_ground(self, connection: RpcCaller, position: Vector3, yaw_rad: float) -> None:
         """Puts the vehicle somewhere, at rest, and disarms it."""
         self._require_api_control(connection)
         self.stop_motors(connection)

@@ -131,7 +131,7 @@ class AirsimSession:
         """Speed of simulated time by the simulator's settings."""
         return 1.0 if self._link.simulator is None else self._link.simulator.clock_speed
 
-    def reach(self, what: str) -> CommandRunner[AirsimRequest] | LinkLostError:
+    def require_runner(self, what: str) -> CommandRunner[AirsimRequest] | LinkLostError:
         """Returns what runs commands; or why none can leave."""
         return self.runner if self._link.is_up else LinkLostError(f"cannot {what}: {self._link.trouble}")
 
@@ -178,7 +178,7 @@ class AirsimSession:
     @property
     def is_urgent(self) -> bool:
         """Whether an answer is awaited."""
-        return self.runner.is_any_under_way
+        return self.runner.is_any_pending
 
     def discard(self, now_s: float, pause_s: float) -> None:
         """Discards what may have changed in a pause of this computer."""
@@ -237,7 +237,7 @@ class AirsimSession:
         """Takes what the simulator reports. Returns the time."""
         assert self._link.simulator is not None
         now_s = self._clock.advance(report.time_s)
-        self.watch.on_heard(now_s)
+        self.watch.on_message(now_s)
         self._report = report
         is_on_ground = report.is_on_ground(self._mass_kg)
         self._note_collision(report, now_s, is_on_ground)

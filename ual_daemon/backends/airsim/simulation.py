@@ -105,7 +105,7 @@ class AirsimSimulation(Simulation):
         yaw_rad = validation.heading(yaw_rad, "yaw_rad")
 
         def put(connection: RpcCaller) -> None:
-            self._procedures.place(connection, place, yaw_rad)
+            self._procedures.put_on_ground(connection, place, yaw_rad)
 
         def is_there(report: AirsimReport) -> bool:
             is_near = (report.pose.position - place).horizontal_norm() < _NEAR_M

@@ -21,7 +21,7 @@ class KnownGround(NamedTuple):
     """Height of the ground where it stood; 0 if that was not measured: it was switched on there."""
 
     @classmethod
-    def seen(cls, place: Vector3) -> KnownGround:
+    def standing_at(cls, place: Vector3) -> KnownGround:
         """Returns the ground of a Crazyflie that stands at a place."""
         return cls(place, place.z)
 

@@ -86,7 +86,7 @@ class CrazyflieSession:
         self._runner: CommandRunner[Ask] = CommandRunner(
             "the firmware", lambda ask, _, key: ask(key), self._known, self.watch, setpoints_s=lambda _: 0.0
         )
-        self._entrance = CommandEntrance(self.loop, clock, self._reach)
+        self._entrance = CommandEntrance(self.loop, clock, self._require_link)
 
     @property
     def is_connected(self) -> bool:
@@ -116,7 +116,7 @@ class CrazyflieSession:
 
     def take_control(self) -> Future[None]:
         """Lets setpoints fly."""
-        lost = self._reach("take control")
+        lost = self._require_link("take control")
         if isinstance(lost, UalError):
             return futures.failed(lost)
         self.commander.take_control()
@@ -130,7 +130,7 @@ class CrazyflieSession:
         """Has it land by itself."""
         return self._entrance.give("land", lambda: self._landing(descent_speed_m_s))
 
-    def _reach(self, what: str) -> CommandRunner[Ask] | UalError:
+    def _require_link(self, what: str) -> CommandRunner[Ask] | UalError:
         return self._runner if self.is_connected else LinkLostError(f"cannot {what}: no Crazyflie is connected")
 
     # --- The commands -------------------------------------------------------------------------------------------------

@@ -144,7 +144,7 @@ class CrazyflieTelemetry:
         rests = now_s - self._moved_s >= REST_S
         landed = self._landed_by(thrust, rests=rests, is_flying=is_flying)
         if landed is LandedState.ON_GROUND and rests:
-            self.ground = KnownGround.seen(self.pose.value.position)
+            self.ground = KnownGround.standing_at(self.pose.value.position)
         self._landed = Sample(landed, NEVER_S if landed is LandedState.UNKNOWN else now_s)
 
     def _landed_by(self, thrust: float | None, *, rests: bool, is_flying: bool) -> LandedState:

@@ -48,7 +48,7 @@ class ValuesReader:
         if measured_s is None:
             return
         if block.ident == self._motion_ident:
-            self._watch.on_heard(now_s)
+            self._watch.on_message(now_s)
             self._telemetry.on_motion(values, measured_s, now_s, utc_s)
         else:
             self._telemetry.on_status(values, now_s)

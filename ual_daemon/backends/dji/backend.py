@@ -86,7 +86,7 @@ class DjiBackend(EngineBackend[DjiRequest]):
         self._link = self._make_link()
         self._session = DjiSession(self._link, self.clock, self._settings)
         self._loop = Loop(self._session, self.clock, self._session.watch)
-        self._entrance = CommandEntrance(self._loop, self.clock, self._session.reach)
+        self._entrance = CommandEntrance(self._loop, self.clock, self._session.require_runner)
         self._info: tuple[DjiTelemetry | None, VehicleInfo | None] = (None, None)
         around = Surroundings(
             self._link.call_slow_service,

@@ -166,7 +166,7 @@ class DjiGimbal(FindableGimbal):
 
     @property
     @override
-    def place(self) -> Vector3:
+    def mount_position(self) -> Vector3:
         return Vector3()  # the wrapper does not tell it
 
     @override

@@ -81,7 +81,7 @@ class DjiSession:
         """Why no aircraft can be flown, human-readable."""
         return self._link.why_not if self._link.state is not RosbridgeState.UP else self._discovery.why_not
 
-    def reach(self, what: str) -> CommandRunner[DjiRequest] | LinkLostError:
+    def require_runner(self, what: str) -> CommandRunner[DjiRequest] | LinkLostError:
         """Returns what runs commands; or why none can leave."""
         is_reached = self.telemetry is not None and self._link.is_up
         return self.runner if is_reached else LinkLostError(f"cannot {what}: {self.why_no_vehicle}")
@@ -106,7 +106,7 @@ class DjiSession:
     @property
     def is_urgent(self) -> bool:
         """Whether an answer is awaited."""
-        return self.runner.is_any_under_way
+        return self.runner.is_any_pending
 
     def discard(self, now_s: float, pause_s: float) -> None:
         """Discards what may have changed in a pause of this computer."""
@@ -177,7 +177,7 @@ class DjiSession:
 
     def _on_message(self, telemetry: DjiTelemetry, name: str, message: Message, now_s: float) -> None:
         """Takes the message of a topic that the wrapper alone publishes."""
-        silence_s = self.watch.on_heard(now_s)
+        silence_s = self.watch.on_message(now_s)
         self._note_gap(silence_s, now_s)
         if silence_s > SILENT_S:
             telemetry.authority.note_silence()
@@ -187,7 +187,7 @@ class DjiSession:
         self._withdraw_setpoint(telemetry)
         if telemetry.is_authority_known:
             self.holding.observe(now_s, is_ours=not telemetry.why_authority_lost)
-        if self.runner.is_any_under_way:
+        if self.runner.is_any_pending:
             self.runner.on_state(now_s)
 
     def _on_payload(self, handler: str, message: Message, now_s: float) -> None:
@@ -258,7 +258,7 @@ class DjiSession:
         return Command("give up the control authority", call, group, is_harmless=True, on_done=self.holding.drop)
 
     def _found(self) -> DjiTelemetry:
-        assert self.telemetry is not None  # `reach` has said so
+        assert self.telemetry is not None  # `require_runner` has said so
         return self.telemetry
 
     @property

@@ -106,7 +106,7 @@ class DjiTelemetry:
         if not self._ordering.accepts(name, stamp):
             return
         self._taken_s[name] = now_s
-        getattr(self, name)(message, self._ordering.said_s(stamp, now_s) if name in _OF_STATE else now_s)
+        getattr(self, name)(message, self._ordering.state_time_s(stamp, now_s) if name in _OF_STATE else now_s)
 
     def discard_state(self) -> None:
         """Discards all that may have changed unseen; where the frame lies stays known."""
@@ -209,7 +209,9 @@ class DjiTelemetry:
     def on_rtk_position(self, message: Message, now_s: float) -> None:
         """Takes the position by RTK."""
         place = number(message["latitude"]), number(message["longitude"])
-        self.frame.note_rtk(*place, now_s, is_fixed=self._is_rtk_fixed and self._plausibility.accepts_place(*place))
+        self.frame.note_rtk(
+            *place, now_s, is_fixed=self._is_rtk_fixed and self._plausibility.accepts_geo_position(*place)
+        )
 
     def on_gps_level(self, message: Message, now_s: float) -> None:
         """Takes how good the position is, 0 to 5."""

@@ -118,7 +118,7 @@ class Command(Generic[R]):
     details: tuple[tuple[str, str], ...] = ()
 
     @property
-    def is_judged(self) -> bool:
+    def is_action(self) -> bool:
         """Whether it does something, so that it must not be executed where others may fly meanwhile."""
         return bool(self.group) and not self.is_harmless
 

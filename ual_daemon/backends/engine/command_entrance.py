@@ -10,7 +10,7 @@ from typing import Generic, Protocol, TypeVar
 from ual.errors import UalError, UalTimeoutError
 from ual_daemon.backends import futures
 from ual_daemon.backends.base import Clock
-from ual_daemon.backends.command_snapshot import judged
+from ual_daemon.backends.command_snapshot import command_snapshot
 from ual_daemon.backends.engine.command import Command, NotYetError
 from ual_daemon.backends.engine.command_runner import CommandContext
 from ual_daemon.backends.engine.contained import defect
@@ -49,7 +49,7 @@ class CommandEntrance(Generic[R]):
         runner = self._reach(what)
         if isinstance(runner, UalError):
             return futures.failed(runner)
-        asked = CommandContext.at(self._clock.now_s(), judged() or self._loop.newest)
+        asked = CommandContext.at(self._clock.now_s(), command_snapshot() or self._loop.newest)
         return self._loop.give(what, partial(self._submit, what, make, asked))
 
     def _submit(

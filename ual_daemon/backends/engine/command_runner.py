@@ -255,7 +255,7 @@ class CommandRunner(Generic[R]):
     # --- What is known ------------------------------------------------------------------------------------------------
 
     @property
-    def is_any_under_way(self) -> bool:
+    def is_any_pending(self) -> bool:
         """Whether a command other than a request for data is queued or unanswered."""
         for pending in self._waiting:  # no generator: each turn of the loop asks
             if pending.command.group:
@@ -265,7 +265,7 @@ class CommandRunner(Generic[R]):
                 return True
         return False
 
-    def is_under_way(self, command: Command[R]) -> bool:
+    def is_pending(self, command: Command[R]) -> bool:
         """Returns whether an equal command is queued or unanswered."""
         return any(pending.command == command for pending in (*self._waiting, *self._in_flight.values()))
 
@@ -273,13 +273,13 @@ class CommandRunner(Generic[R]):
         """Returns whether the mode and armed should be requested now: an answer is late, or a command waits to hear
         them.
         """
-        if not self.is_any_under_way and all(each.command.shows is None for each in self._in_flight.values()):
+        if not self.is_any_pending and all(each.command.shows is None for each in self._in_flight.values()):
             return False
         return any(
             pending.command.shows is not None and now_s - pending.first_s >= LATE_S
             for pending in self._in_flight.values()
         ) or any(
-            pending.command.is_judged
+            pending.command.is_action
             and (
                 self._watch.why_silent(now_s)
                 or self._unknown(pending, self._snapshot(now_s), now_s)
@@ -293,7 +293,7 @@ class CommandRunner(Generic[R]):
     def _hindrance(self, pending: _PendingCommand[R], now_s: float) -> str:
         """Returns why a command must not be sent now, first or again, human-readable; empty if it may be."""
         command = pending.command
-        if not command.is_judged:
+        if not command.is_action:
             return ""
         snapshot = self._snapshot(now_s)
         return (
@@ -351,7 +351,7 @@ class CommandRunner(Generic[R]):
 
     def _judge_modes(self, now_s: float) -> None:
         """Ends the commands since which others have chosen a mode: sent now, they would take control from those."""
-        judged = [each for each in (*self._waiting, *self._in_flight.values()) if _is_judged_by_mode(each)]
+        judged = [each for each in (*self._waiting, *self._in_flight.values()) if _depends_on_mode(each)]
         if not judged:
             return
         snapshot = self._snapshot(now_s)
@@ -603,7 +603,7 @@ def _may_still_show(pending: _PendingCommand[R], mode: Sample[Mode]) -> bool:
     return pending.before is not None and mode.time_s > pending.before[1] and pending.before[0].leads_to(mode.value)
 
 
-def _is_judged_by_mode(pending: _PendingCommand[R]) -> bool:
+def _depends_on_mode(pending: _PendingCommand[R]) -> bool:
     """Returns whether a mode of others ends it. Arming that was not sent yet overrules nobody, in whatever mode."""
     group, is_harmless = pending.command.group, pending.command.is_harmless
     has_begun = pending.sends_count > 0 or pending.follows_mode

@@ -64,7 +64,7 @@ class LinkWatch:
 
     # --- What is noted ------------------------------------------------------------------------------------------------
 
-    def on_heard(self, now_s: float) -> float:
+    def on_message(self, now_s: float) -> float:
         """Notes a message of the autopilot, before its content is taken. Returns the silence before it, in seconds."""
         heard_s, self.heard_s = self.heard_s, now_s
         silence_s = 0.0 if heard_s is None else now_s - heard_s

@@ -62,7 +62,7 @@ class Plausibility:
         is_possible = all(abs(each) <= math.tau for each in (roll_rad, pitch_rad, yaw_rad))
         return is_possible or self._drop("attitude", f"of {roll_rad:.3g}, {pitch_rad:.3g}, {yaw_rad:.3g} rad")
 
-    def accepts_place(self, latitude_deg: float, longitude_deg: float) -> bool:
+    def accepts_geo_position(self, latitude_deg: float, longitude_deg: float) -> bool:
         """Judges a place on Earth."""
         is_on_earth = -90.0 <= latitude_deg <= 90.0 and -180.0 <= longitude_deg <= 180.0
         return is_on_earth or self._drop("place", f"at latitude {latitude_deg:.7g}, longitude {longitude_deg:.7g}")
@@ -75,7 +75,7 @@ class Plausibility:
         """Judges a position on Earth."""
         amsl_m, home_m = point.altitude_amsl_m, point.altitude_home_m
         return (
-            self.accepts_place(point.latitude_deg, point.longitude_deg)
+            self.accepts_geo_position(point.latitude_deg, point.longitude_deg)
             and (amsl_m is None or self.accepts_altitude(amsl_m))
             and (home_m is None or self.accepts_altitude(home_m))
         )

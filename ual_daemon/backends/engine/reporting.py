@@ -100,7 +100,7 @@ class ReportingBackend(EngineBackend[str]):
         self._session = session = _Session(self)
         watched_s = time.monotonic if speed > 1.0 else None
         self._loop = Loop(session, self.clock, session.watch, watched_s=watched_s)
-        self._entrance = CommandEntrance(self._loop, self.clock, self._reach)
+        self._entrance = CommandEntrance(self._loop, self.clock, self._require_runner)
         self._thread = LoopThread(self._loop, self.clock, self.name, self._receive, session.on_defect)
 
     # --- What a subclass does -----------------------------------------------------------------------------------------
@@ -169,7 +169,7 @@ class ReportingBackend(EngineBackend[str]):
     def _give(self, command: Command[str]) -> Future[None]:
         return self._order(command.what, lambda: command)
 
-    def _reach(self, what: str) -> CommandRunner[str] | UalError:
+    def _require_runner(self, what: str) -> CommandRunner[str] | UalError:
         session = self._session
         return session.runner if session.watch.is_up(self.clock.now_s()) else self._unreached(what)
 
@@ -210,7 +210,7 @@ class _Session:
     @property
     def is_urgent(self) -> bool:
         """Whether an answer is awaited."""
-        return self.runner.is_any_under_way
+        return self.runner.is_any_pending
 
     def discard(self, now_s: float, pause_s: float) -> None:
         """Discards what may have changed in a pause of this computer, and what waits unread."""
@@ -232,7 +232,7 @@ class _Session:
 
     def on_message(self, message: Report | Answer, now_s: float) -> None:
         """Takes a message of the autopilot."""
-        self.watch.on_heard(now_s)
+        self.watch.on_message(now_s)
         if isinstance(message, Answer):
             verdict = Verdict.REFUSED if message.refusal else Verdict.ACCEPTED
             self.runner.on_answer(message.command, verdict, now_s, message.refusal)

@@ -61,18 +61,18 @@ class SenderWatch:
         has_velocity = all(map(math.isfinite, (velocity.x, velocity.y, velocity.z)))
         new = _ReportedTarget(now_s, _finite(position), _finite(velocity), has_position, has_velocity)
         old, self._target = self._target, new
-        self._note_heard(now_s)
+        self._note_received(now_s)
         if old is None or now_s < self._flies_since_s or now_s - self._back_s <= QUIET_S:
             return
         silent_s = now_s - self._sent.last_s
         if silent_s <= SENDING_S:
-            self._judge_beside_ours(new)
+            self._judge_during_ours(new)
         elif new.has_jumped_from(old) and self._is_strange(new):
             self._find("the autopilot's target has changed, and UAL has sent none", now_s)
         elif min(silent_s, now_s - self._flies_since_s) > QUIET_S and new.has_moved_from(old):
             self._find("the autopilot's target moves, and UAL sends none", now_s)
 
-    def _judge_beside_ours(self, target: _ReportedTarget) -> None:
+    def _judge_during_ours(self, target: _ReportedTarget) -> None:
         now_s = target.time_s
         if self._sent.duration_s(now_s) <= SENDING_S or not self._is_strange(target):
             return
@@ -94,8 +94,8 @@ class SenderWatch:
     ) -> str:
         """Returns what shows another sender, human-readable; empty while nothing does."""
         if mode is not None:
-            self._note_heard(mode.time_s)
-        if not _is_flown_by_setpoints(armed, mode, landed):
+            self._note_received(mode.time_s)
+        if not _follows_setpoints(armed, mode, landed):
             self._flies_since_s, self._doubted_s, self._found = math.inf, math.inf, ""
             self._strange_s.clear()
             return ""
@@ -112,7 +112,7 @@ class SenderWatch:
             self._found = ""  # UAL flies now, and the other one has been silent
         return self._found
 
-    def _note_heard(self, time_s: float) -> None:
+    def _note_received(self, time_s: float) -> None:
         if math.isfinite(self._heard_s) and time_s - self._heard_s > SILENT_S:
             self._back_s = time_s
         self._heard_s = max(self._heard_s, time_s)
@@ -187,7 +187,7 @@ def _finite(vector: Vector3) -> Vector3:
     return Vector3(*(each if math.isfinite(each) else 0.0 for each in (vector.x, vector.y, vector.z)))
 
 
-def _is_flown_by_setpoints(
+def _follows_setpoints(
     armed: Sample[bool] | None, mode: Sample[Mode] | None, landed: Sample[LandedState] | None
 ) -> bool:
     if armed is None or mode is None or landed is None:

@@ -19,7 +19,7 @@ from ual.types import Battery, Capability, GpsFix, GpsInfo, Health, Limits
 from ual_daemon._version import __version__
 from ual_daemon.backends import futures
 from ual_daemon.backends.base import Backend, BackendOptions, SafetyPilot, SimulatedPilot, UpdateCallback
-from ual_daemon.backends.command_snapshot import judged
+from ual_daemon.backends.command_snapshot import command_snapshot
 from ual_daemon.backends.engine.contained import ErrorBarrier
 from ual_daemon.backends.engine.loop import Loop
 from ual_daemon.backends.light import derived
@@ -126,7 +126,7 @@ class LightBackend(Backend):
         self._snapshot = Snapshot(0.0)
         self._gimbals = LightGimbals(settings.gimbals, self._moment)
         self._cameras = LightCameras(
-            settings.cameras, settings.seed, self._seen, self.world.painter, self._gimbals.gimbals
+            settings.cameras, settings.seed, self._camera_moment, self.world.painter, self._gimbals.gimbals
         )
         self._contained = ErrorBarrier("its cameras")
         with self.world.lock:
@@ -274,14 +274,14 @@ class LightBackend(Backend):
         """Puts the vehicle on the ground, which is there at the height of the place."""
         x, y, z = position
 
-        def place(fleet: Vehicles) -> None:
+        def put(fleet: Vehicles) -> None:
             i = self._index
             fleet.is_armed[i], fleet.has_flown[i], fleet.is_landed[i] = False, False, True
             fleet.position[i], fleet.velocity[i] = (x, y, z), (0.0, 0.0, 0.0)
             fleet.yaw[i], fleet.yaw_rate[i], fleet.ground[i] = wrap_angle(yaw_rad), 0.0, z
             fleet.set_mode(i, FlightMode.HOLD)
 
-        self.pilot(place)
+        self.pilot(put)
 
     def set_noise(self, position_m: float, velocity_m_s: float) -> None:
         """Sets the standard deviations of the estimates."""
@@ -315,7 +315,7 @@ class LightBackend(Backend):
 
     def _why_overtaken(self) -> str | None:
         """Returns that the pilot has changed the mode since a command was judged; None if that did not happen."""
-        seen, mode = judged(), FlightMode(int(self.world.fleet.mode[self._index])).name
+        seen, mode = command_snapshot(), FlightMode(int(self.world.fleet.mode[self._index])).name
         is_same = seen is None or seen.control.settled_mode in ("", mode)
         return None if is_same else f"Mode: it became {mode}"
 
@@ -371,7 +371,7 @@ class LightBackend(Backend):
     def _has_work(self) -> bool:
         return self._faults.any_active or bool(self._late_acks) or self._cameras.is_busy
 
-    def _seen(self) -> CameraMoment:
+    def _camera_moment(self) -> CameraMoment:
         """Returns what its cameras see from, and what the autopilot says at the same step."""
         with self.world.lock:
             if self._snapshot_step != self.world.steps or self.world.speed_factor == 0.0:
@@ -395,7 +395,7 @@ class LightBackend(Backend):
                 self._apply_external_pose(now_s)
             self._update_snapshot()
         if self._cameras.is_busy:
-            self._contained.call(lambda: self._cameras.step(self._seen()))
+            self._contained.call(lambda: self._cameras.step(self._camera_moment()))
         for due_s, ack in list(self._late_acks):
             if now_s >= due_s:
                 self._late_acks.remove((due_s, ack))

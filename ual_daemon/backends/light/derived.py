@@ -9,4 +9,4 @@ from ual_daemon.backends.light import gripper
 
 def offers(clock: Callable[[], float], is_link_lost: Callable[[], bool]) -> tuple[object, ...]:
     """Returns what is offered."""
-    return (gripper.offered(clock, is_link_lost),)
+    return (gripper.make_driver(clock, is_link_lost),)

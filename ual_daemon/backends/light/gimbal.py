@@ -76,7 +76,7 @@ class LightGimbal(GimbalDriver):
 
     @property
     @override
-    def place(self) -> Vector3:
+    def mount_position(self) -> Vector3:
         return Vector3(*self._settings.position)
 
     @override
@@ -88,7 +88,7 @@ class LightGimbal(GimbalDriver):
 
     def pose(self, moment: GimbalMoment) -> Pose:
         """Returns where it is in the body at a moment, and where it looks: also while the link is lost."""
-        return Pose(self.place, self.angles(moment).orientation)
+        return Pose(self.mount_position, self.angles(moment).orientation)
 
     def angles(self, moment: GimbalMoment) -> GimbalAngles:
         """Returns how it is turned in the body. A light UAV does not tilt, so that is from the horizon, too."""
@@ -155,21 +155,21 @@ class LightGimbal(GimbalDriver):
         self._time_s = max(self._time_s, moment.time_s)
         if passed_s > 0.0:
             far_rad = self._settings.speed_rad_s * passed_s
-            axes = zip(self._now(), self._ways(passed_s, moment.heading_rad), self._ranges, strict=True)
+            axes = zip(self._now(), self._turns(passed_s, moment.heading_rad), self._ranges, strict=True)
             self._angles = GimbalAngles(*(_turned(*axis, far_rad) for axis in axes))
         return self._angles
 
     def _now(self) -> tuple[float, float, float]:
         return self._angles.roll_rad, self._angles.pitch_rad, self._angles.yaw_rad
 
-    def _ways(self, passed_s: float, heading_rad: float) -> Sequence[float]:
+    def _turns(self, passed_s: float, heading_rad: float) -> Sequence[float]:
         """Returns how far each axis has to turn, if it were fast enough."""
         goal, rates = self._goal.angles, self._goal.rates
         if rates is not None:
             return 0.0, rates.pitch_rad * passed_s, rates.yaw_rad * passed_s
         turned_rad = heading_rad if self._goal.reference is GimbalReference.EARTH else 0.0
         wanted = (goal.roll_rad, goal.pitch_rad, wrap_angle(goal.yaw_rad - turned_rad))
-        return [_way(*axis) for axis in zip(self._now(), wanted, self._ranges, strict=True)]
+        return [_shortest_turn(*axis) for axis in zip(self._now(), wanted, self._ranges, strict=True)]
 
 
 class LightGimbals(GimbalDrivers):
@@ -183,7 +183,7 @@ class LightGimbals(GimbalDrivers):
         return self.gimbals
 
 
-def _way(now_rad: float, wanted_rad: float, range_: AngleRange) -> float:
+def _shortest_turn(now_rad: float, wanted_rad: float, range_: AngleRange) -> float:
     """Returns the way to an angle. An axis without an end takes the shorter one."""
     return wrap_angle(wanted_rad - now_rad) if _is_endless(range_) else range_.nearest(wanted_rad) - now_rad
 

@@ -170,7 +170,7 @@ class LightGripper(GripperDriver):
         return future
 
 
-def offered(clock: Callable[[], float], is_link_lost: Callable[[], bool]) -> LightGripper:
+def make_driver(clock: Callable[[], float], is_link_lost: Callable[[], bool]) -> LightGripper:
     """Makes that of one UAV."""
     return LightGripper(clock, is_link_lost)
 

@@ -104,7 +104,7 @@ class _Easel:
             self._process = subprocess.Popen(  # noqa: S603 (our own command)
                 command, stdin=subprocess.DEVNULL, cwd=_PACKAGES, env=_environment(), pass_fds=(its.fileno(),)
             )
-        _give_way(self._process.pid)
+        _lower_priority(self._process.pid)
         self._connection = ours
         return ours
 
@@ -122,7 +122,7 @@ class _Easel:
             return f"status {process.wait(_END_S)}"
 
 
-def _give_way(pid: int) -> None:
+def _lower_priority(pid: int) -> None:
     """Has a process that has just begun take the processor only where no flight needs it: the daemon may run in real
     time, and its imports alone take 0.2 s.
     """

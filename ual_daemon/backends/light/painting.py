@@ -53,7 +53,7 @@ def paint(
     picture = np.empty((intrinsics.height_px, intrinsics.width_px, 3), np.uint8)
     generator = np.random.default_rng(seed)
     for rows, cast in _blocks(camera, intrinsics, scene):
-        planes = _seen(cast, intrinsics.focal_length_x_px, scene)
+        planes = _colour_planes(cast, intrinsics.focal_length_x_px, scene)
         if noise:
             planes += generator.standard_normal(planes.shape, np.float32) * np.float32(noise)
         planes += np.float32(0.5)  # what follows cuts off
@@ -136,7 +136,7 @@ def _matrix(camera: Pose) -> NDArray[np.float64]:
     )
 
 
-def _seen(cast: _Cast, focal_px: float, scene: PaintedScene) -> Array:
+def _colour_planes(cast: _Cast, focal_px: float, scene: PaintedScene) -> Array:
     """Returns the planes of red, green and blue that the rays of a block see."""
     if not cast.is_ground.any():
         return _sky(cast)
@@ -159,7 +159,7 @@ def _sky(cast: _Cast) -> Array:
 def _ground(x: Array, y: Array, footprint: Array) -> Array:
     planes = _plain(GROUND, x.shape)
     for value in (x, y):
-        _mix(planes, _share(_to_line(value), LINE_M, footprint), LINE)
+        _mix(planes, _share(_grid_distance(value), LINE_M, footprint), LINE)
     for distance, colour in ((np.abs(y), RED), (np.abs(x), GREEN)):
         if (distance < (footprint + np.float32(AXIS_M)) / 2).any():
             _mix(planes, _share(distance, AXIS_M, footprint), colour)
@@ -178,7 +178,7 @@ def _mix(planes: Array, share: Array, colour: tuple[float, ...]) -> None:
         planes[index] += (np.float32(value) - planes[index]) * share
 
 
-def _to_line(value: Array) -> Array:
+def _grid_distance(value: Array) -> Array:
     """Returns the distance to the nearest line of the grid."""
     distance: Array = np.abs(value - np.rint(value / np.float32(GRID_M)) * np.float32(GRID_M))
     return distance
@@ -202,7 +202,7 @@ class _Within(NamedTuple):
 
 
 def _within(marker: Marker, x: Array, y: Array) -> _Within:
-    reach_m = _reach_m(marker)
+    reach_m = _extent_m(marker)
     dx, dy = x - np.float32(marker.x_m), y - np.float32(marker.y_m)
     rows, columns = np.nonzero((np.abs(dx) < 1.5 * reach_m) & (np.abs(dy) < 1.5 * reach_m))
     dx, dy = dx[rows, columns], dy[rows, columns]
@@ -212,7 +212,7 @@ def _within(marker: Marker, x: Array, y: Array) -> _Within:
     return _Within(rows[inside], columns[inside], right[inside], up[inside])
 
 
-def _reach_m(marker: Marker) -> float:
+def _extent_m(marker: Marker) -> float:
     """Returns how far a marker reaches from its centre, along its sides."""
     return marker.size_m / 2 + marker.size_m / (len(marker.cells) + 2)
 
@@ -222,7 +222,7 @@ def _lay(marker: Marker, x: Array, y: Array, planes: Array) -> None:
     rows, columns, right, up = _within(marker, x, y)
     if not right.size:
         return
-    count, reach_m = len(marker.cells) + 2, _reach_m(marker)
+    count, reach_m = len(marker.cells) + 2, _extent_m(marker)
     cell_m = marker.size_m / count
     table = np.pad(np.pad(np.array(marker.cells, bool), 1, constant_values=False), 1, constant_values=True)
     column = ((right + reach_m) / cell_m).astype(int).clip(0, count + 1)

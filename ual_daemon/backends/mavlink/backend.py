@@ -30,7 +30,7 @@ from ual_daemon.backends.mavlink.links import LinkConnection, MavlinkLink, make_
 from ual_daemon.backends.mavlink.links.endpoints import (
     AutopilotAddress,
     SerialEndpoint,
-    parse_place,
+    parse_address,
     vehicle_key,
     vehicle_urls,
 )
@@ -76,7 +76,7 @@ class MavlinkBackend(EngineBackend[CommandLong]):
         self._settings = convert(options.settings, MavlinkSettings, SECTION)
         self.url = options.url or self._settings.url or default_url(options.ns)
         super().__init__(dataclasses.replace(options, url=self.url))
-        place = parse_place(self.url)
+        place = parse_address(self.url)
         self._settings = _with_system_id(self._settings, place)
         self._is_serial = isinstance(place.endpoint, SerialEndpoint)
         self._new_link = new_link or partial(make_link, place.endpoint)
@@ -90,14 +90,14 @@ class MavlinkBackend(EngineBackend[CommandLong]):
         self._discovery: Discovery | None = None
         self._receiving: ReceiveLoop | None = None
         self._pictures = HttpPictures(self._settings.picture_hosts)
-        reach = ProtocolAccess(self._last_session, self._reach, self._post, self._give)
+        reach = ProtocolAccess(self._last_session, self._require_session, self._post, self._give)
         parameters, lists = MavlinkParameters(reach), MavlinkLists(reach)
         self._offers = (
             parameters,
             missions_of(reach, lists, parameters, self._fly_mission, lambda: self.snapshot().motion.position_geo),
             fence_of(reach, lists),
             MavlinkLogs(reach),
-            MavlinkCorrections(self._reach, self._post, lambda: self._discovery, self.clock.now_s),
+            MavlinkCorrections(self._require_session, self._post, lambda: self._discovery, self.clock.now_s),
             MavlinkCameras(self._cameras_found, self._now_s, reach, self._pictures, self._camera_trigger()),
             MavlinkGimbals(self._gimbals_found, self._now_s, reach),
             *derived.offers(
@@ -198,14 +198,14 @@ class MavlinkBackend(EngineBackend[CommandLong]):
 
     @override
     def set_external_pose(self, measured: ExternalPose) -> None:
-        discovery, session = self._discovery, self._session_in_reach(self.clock.now_s())
+        discovery, session = self._discovery, self._connected_session(self.clock.now_s())
         if discovery is None or session is None or session.telemetry.conflict:
             return
         discovery.sender.send(session.dialect.encode_external_pose(measured), is_perishable=True)
 
     @override
     def request_home(self) -> None:
-        session, loop = self._session_in_reach(self.clock.now_s()), self._loop
+        session, loop = self._connected_session(self.clock.now_s()), self._loop
         if session is not None and loop is not None:
             loop.post(session.request_home)
 
@@ -215,7 +215,7 @@ class MavlinkBackend(EngineBackend[CommandLong]):
 
     @override
     def safety_pilot(self) -> SafetyPilot | None:
-        return None if self._is_serial else LinkPilot(lambda: self._session_in_reach(self.clock.now_s()), self.arm)
+        return None if self._is_serial else LinkPilot(lambda: self._connected_session(self.clock.now_s()), self.arm)
 
     @override
     def payload(self) -> MavlinkPayload:
@@ -233,7 +233,7 @@ class MavlinkBackend(EngineBackend[CommandLong]):
             self._order_trigger,
             lambda act: self._post(lambda _: act()),
             lambda what, begin: self._give(what, lambda _, future: begin(future)),
-            lambda: self._session_in_reach(self.clock.now_s()) is not None,
+            lambda: self._connected_session(self.clock.now_s()) is not None,
         )
 
     def _order_trigger(self, what: str, command_id: int, params: tuple[float, ...]) -> Future[None]:
@@ -284,7 +284,7 @@ class MavlinkBackend(EngineBackend[CommandLong]):
         name = f"mavlink {self.options.ns}"
         receiving = ReceiveLoop(connection, discovery, self.clock, self._use_freshness, on_update, name)
         self._receiving, self._loop = receiving, receiving.loop
-        self._entrance = CommandEntrance(receiving.loop, self.clock, self._reach)
+        self._entrance = CommandEntrance(receiving.loop, self.clock, self._require_session)
         if self.on_packet is not None:
             tap = PacketTap(self.on_packet, connection, self.clock)
             connection.on_sent, receiving.on_received = tap.sent, tap.received
@@ -295,14 +295,14 @@ class MavlinkBackend(EngineBackend[CommandLong]):
 
     def _command(self, what: str, make: Callable[[Dialect], LongCommand]) -> Future[None]:
         """Passes a command to the thread that receives; its future ends there."""
-        session = self._reach(what)
+        session = self._require_session(what)
         if isinstance(session, UalError):
             return futures.failed(session)
         return self._order(what, lambda: make(session.dialect))
 
-    def _reach(self, what: str) -> MavlinkSession | UalError:
+    def _require_session(self, what: str) -> MavlinkSession | UalError:
         """Returns the session that commands go to now, or why there is none."""
-        session = self._session_in_reach(self.clock.now_s())
+        session = self._connected_session(self.clock.now_s())
         if session is None:
             return self._unreached(what)
         conflict = session.telemetry.conflict
@@ -312,7 +312,7 @@ class MavlinkBackend(EngineBackend[CommandLong]):
     def _unreached(self, what: str) -> LinkLostError:
         return LinkLostError(f"cannot {what}: no autopilot is heard at {self.url}")
 
-    def _session_in_reach(self, now_s: float) -> MavlinkSession | None:
+    def _connected_session(self, now_s: float) -> MavlinkSession | None:
         """The session with the autopilot while its link is up, else None."""
         discovery = self._discovery
         return discovery.session if discovery is not None and discovery.watch.is_up(now_s) else None
@@ -334,7 +334,7 @@ def _links(urls: Sequence[str]) -> list[Callable[[], MavlinkLink]]:
         ConfigError: A URL does not say which of the vehicles behind its link it means.
 
     """
-    places = [parse_place(each) for each in urls]
+    places = [parse_address(each) for each in urls]
     counts = Counter(each.endpoint for each in places)
     shared = {
         each: SharedLink(partial(make_link, each), str(each), MonotonicClock())

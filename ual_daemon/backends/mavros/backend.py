@@ -127,7 +127,7 @@ class MavrosBackend(EngineBackend[MavrosCall]):
         )
 
     def _why_no_corrections(self) -> str:
-        is_in_reach = self._session_in_reach(self.clock.now_s()) is not None
+        is_in_reach = self._connected_session(self.clock.now_s()) is not None
         return "" if is_in_reach else self._unreached("send corrections").message
 
     @override
@@ -138,7 +138,7 @@ class MavrosBackend(EngineBackend[MavrosCall]):
         link.advertise(f"{self._settings.node}/{topics.RTCM}", topics.RTCM_TYPE)
         discovery = self._discovery = MavrosDiscovery(link, self._settings, self._sent, self._on_message, self.utc_s)
         self._loop = Loop(discovery, self.clock, discovery.watch, self._update)
-        self._entrance = CommandEntrance(self._loop, self.clock, self._reach)
+        self._entrance = CommandEntrance(self._loop, self.clock, self._require_runner)
         link.open()
 
     def _make_link(self) -> RosbridgeLink:
@@ -158,7 +158,7 @@ class MavrosBackend(EngineBackend[MavrosCall]):
     @override
     def send(self, setpoint: Setpoint) -> None:
         now_s = self.clock.now_s()
-        link, session = self._link, self._session_in_reach(now_s)
+        link, session = self._link, self._connected_session(now_s)
         if link is None or session is None:
             return
         setpoint, message = session.encode(setpoint, now_s)
@@ -209,7 +209,7 @@ class MavrosBackend(EngineBackend[MavrosCall]):
 
     @override
     def safety_pilot(self) -> SafetyPilot | None:
-        return LinkPilot(lambda: self._session_in_reach(self.clock.now_s()), self.arm)
+        return LinkPilot(lambda: self._connected_session(self.clock.now_s()), self.arm)
 
     # --- On the link's thread -----------------------------------------------------------------------------------------
 
@@ -266,8 +266,8 @@ class MavrosBackend(EngineBackend[MavrosCall]):
     def _give(self, what: str, command: Command[MavrosCall]) -> Future[None]:
         return self._command(what, lambda _: command)
 
-    def _reach(self, what: str) -> CommandRunner[MavrosCall] | LinkLostError:
-        session = self._session_in_reach(self.clock.now_s())
+    def _require_runner(self, what: str) -> CommandRunner[MavrosCall] | LinkLostError:
+        session = self._connected_session(self.clock.now_s())
         return self._unreached(what) if session is None else session.runner
 
     # --- For what is offered beside flying ----------------------------------------------------------------------------
@@ -287,7 +287,7 @@ class MavrosBackend(EngineBackend[MavrosCall]):
             session = self._last_session()
             return None if session is None else session.autopilot
 
-        def heard() -> ReceivedMission | None:
+        def received_mission() -> ReceivedMission | None:
             session = self._last_session()
             return None if session is None else session.telemetry.missions.heard
 
@@ -297,10 +297,10 @@ class MavrosBackend(EngineBackend[MavrosCall]):
         def here() -> GeoPoint | None:
             return self.snapshot().motion.position_geo
 
-        return MissionAccess(lists, autopilot, heard, lists.choose, fly, self._parameters.read, here)
+        return MissionAccess(lists, autopilot, received_mission, lists.choose, fly, self._parameters.read, here)
 
     def _reached(self, what: str) -> MavrosSession | LinkLostError:
-        return self._session_in_reach(self.clock.now_s()) or self._unreached(what)
+        return self._connected_session(self.clock.now_s()) or self._unreached(what)
 
     def _post(self, request: Posted) -> None:
         if self._loop is not None:
@@ -329,7 +329,7 @@ class MavrosBackend(EngineBackend[MavrosCall]):
         why = "" if self._discovery is None else self._discovery.why_not
         return LinkLostError(f"cannot {what}: {why or f'no autopilot is heard at {self.url}'}")
 
-    def _session_in_reach(self, now_s: float) -> MavrosSession | None:
+    def _connected_session(self, now_s: float) -> MavrosSession | None:
         """The session with the autopilot while MAVROS passes on what it sends, else None. From any thread."""
         discovery, link = self._discovery, self._link
         session = None if discovery is None else discovery.session

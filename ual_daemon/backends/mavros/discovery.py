@@ -87,7 +87,7 @@ class MavrosDiscovery:
     @property
     def is_urgent(self) -> bool:
         """Whether the effect of a command is awaited."""
-        return self.session is not None and self.session.runner.is_any_under_way
+        return self.session is not None and self.session.runner.is_any_pending
 
     def discard(self, now_s: float, pause_s: float) -> None:
         """Discards what may have changed in a pause of this computer."""

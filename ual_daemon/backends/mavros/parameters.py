@@ -63,7 +63,7 @@ class ParameterReader:
     def tick(self, now_s: float, ros: RosGeneration, call: Call) -> bool:
         """Asks for what is due. Returns whether it has called a service."""
         if not self._queue:
-            self._queue = self._new_beside(now_s)
+            self._queue = self._new_optional(now_s)
         if not self._queue:
             if now_s < self._next_s:
                 return False
@@ -83,15 +83,15 @@ class ParameterReader:
             self._queue = absent
             self._next_s, self._round_s = now_s + self._round_s, min(2.0 * self._round_s, LONGEST_ROUND_S)
         else:
-            self._queue = list(self._parameters) + self._never_asked(absent)
+            self._queue = list(self._parameters) + self._not_requested(absent)
             self._next_s = now_s + AGAIN_S
 
-    def _never_asked(self, absent: list[str]) -> list[str]:
+    def _not_requested(self, absent: list[str]) -> list[str]:
         """Returns the optional ones, once: MAVROS logs an error for each that the autopilot does not have."""
         asked, self._optional_asked = self._optional_asked, True
         return [] if asked else absent
 
-    def _new_beside(self, now_s: float) -> list[str]:
+    def _new_optional(self, now_s: float) -> list[str]:
         """Returns those beside flying that were not asked for lately, once all that a flight needs have come."""
         asked_s = self._beside_asked_s
         if self.missing:

@@ -208,7 +208,7 @@ class MavrosSession:
         # One call at a time: in ROS 2 MAVROS serves them one after another, and each waits for the autopilot's answer.
         if self._calling or not self.telemetry.is_connected:
             return
-        if not self._request(_HEARTBEAT_ID, now_s, self._heartbeat_s()) and not self.runner.is_any_under_way:
+        if not self._request(_HEARTBEAT_ID, now_s, self._heartbeat_s()) and not self.runner.is_any_pending:
             self._ask(now_s, ros)
 
     def snapshot(self, now_s: float) -> Snapshot:
@@ -318,7 +318,7 @@ class MavrosSession:
         """Withdraws the calls of commands that have ended, as far as they have not left: one whose mode was entered
         already may still wait in the socket.
         """
-        if self._command_calls and not self.runner.is_any_under_way:
+        if self._command_calls and not self.runner.is_any_pending:
             for answer in self._command_calls:
                 answer.cancel()
             self._command_calls.clear()
@@ -326,7 +326,7 @@ class MavrosSession:
     def _heartbeat_s(self) -> float:
         if not self.autopilot.takes_feed_forward:
             return math.inf  # ArduPilot streams them
-        if self.runner.is_any_under_way:
+        if self.runner.is_any_pending:
             return FAST_HEARTBEAT_S
         return HEARTBEAT_S if self.telemetry.is_armed else SLOW_HEARTBEAT_S
 

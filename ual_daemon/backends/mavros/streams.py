@@ -108,7 +108,7 @@ class StreamRequests:
         if is_flying and self._looked_s == -math.inf:
             self._begin_round(now_s)  # it may all come: another program has asked for it
         if not self._wanted and now_s - self._looked_s >= ROUND_S:
-            self._look(now_s, is_flying=is_flying)
+            self._poll(now_s, is_flying=is_flying)
         if is_flying:
             self._wanted = self._stopped(self._wanted)
         if not self._wanted:
@@ -123,7 +123,7 @@ class StreamRequests:
         if answer.get("success"):
             self._granted.add(stream.topic)
 
-    def _look(self, now_s: float, *, is_flying: bool) -> None:
+    def _poll(self, now_s: float, *, is_flying: bool) -> None:
         passed_s = min(now_s - self._looked_s, 2.0 * ROUND_S)
         wanted = [each for each in self._streams if not self._flows(each, passed_s)]
         wanted = self._stopped(wanted) if is_flying else wanted

@@ -156,7 +156,7 @@ class MavrosTelemetry:
             return False
         is_prompt = topics.TOPICS[topic].throttle_ms < _LATE_MS
         if is_prompt and (topic != topics.STATE or message["connected"]):
-            self._watch.on_heard(now_s)
+            self._watch.on_message(now_s)
         self.counts[topic] += 1
         handler = self._handlers.get(topic)
         if handler is not None:
@@ -203,10 +203,10 @@ class MavrosTelemetry:
             return None
         geo = message["geo"]
         place = None
-        if self._accepts_place(geo) and any(number(geo[name]) for name in ("latitude", "longitude")):
+        if self._accepts_position(geo) and any(number(geo[name]) for name in ("latitude", "longitude")):
             ellipsoid_m = number(geo["altitude"])
             amsl_m = self._geoid.amsl_m(ellipsoid_m)
-            place = replace(_place(geo), altitude_amsl_m=amsl_m, altitude_ellipsoid_m=ellipsoid_m)
+            place = replace(_geo_point(geo), altitude_amsl_m=amsl_m, altitude_ellipsoid_m=ellipsoid_m)
         taken_s = stamp_s(message) + self._stamp_s - self._measured_s if self._measured_s else None
         return int(message["image_index"]), taken_s, place
 
@@ -225,7 +225,7 @@ class MavrosTelemetry:
             self._watch.heard_s,
             control=control or ControlState(self.armed.sample, self.landed.sample, self.mode.sample),
             motion=MotionState(
-                estimator=self._judged_estimator(now_s),
+                estimator=self._assessed_estimator(now_s),
                 pose=self.pose.sample,
                 velocity=self.velocity.sample,
                 position_geo=self._position_geo(now_s),
@@ -234,7 +234,7 @@ class MavrosTelemetry:
             ),
             earth=EarthReference(
                 projection=self.origin.projection,
-                home_geo=None if home is None else _place(home["geo"]),
+                home_geo=None if home is None else _geo_point(home["geo"]),
                 home_altitude_amsl_m=None if home is None else self._geoid.amsl_m(number(home["geo"]["altitude"])),
                 geoid_separation_m=self._geoid.separation_m,
             ),
@@ -267,7 +267,7 @@ class MavrosTelemetry:
             self.mode.discard()
             return
         # Not when it came: after a stall of the bridge one comes that was said before.
-        said_s = self._ordering.said_s(stamp_s(message), now_s)
+        said_s = self._ordering.state_time_s(stamp_s(message), now_s)
         self.set_armed(bool(message["armed"]), said_s, now_s)
         self.mode.set(messages.mode(str(message["mode"]), self.autopilot), said_s)
 
@@ -323,8 +323,8 @@ class MavrosTelemetry:
         if message["latitude"] == message["longitude"] == 0.0:
             self._geo.discard()
             return
-        point = _place(message)
-        if not self._accepts_place(message):
+        point = _geo_point(message)
+        if not self._accepts_position(message):
             return
         self._geo.set(message, now_s)
         self.origin.on_geo(_milliseconds(message), point)
@@ -341,9 +341,9 @@ class MavrosTelemetry:
 
     def _on_origin(self, message: Message, now_s: float) -> None:
         self._origin.set(message, now_s)
-        self._place_origin(now_s)
+        self._set_origin(now_s)
 
-    def _place_origin(self, now_s: float) -> None:
+    def _set_origin(self, now_s: float) -> None:
         """Tells the origin, once the altitude of mean sea level there is known; and once only, as that differs with the
         place where it is measured.
         """
@@ -351,10 +351,10 @@ class MavrosTelemetry:
         if origin is None:
             return
         place = origin["position"]
-        if not self._accepts_place(place):
+        if not self._accepts_position(place):
             return
         amsl_m = self._geoid.amsl_m(number(place["altitude"]))
-        point = _place(place)
+        point = _geo_point(place)
         if amsl_m is None or place == self._placed.value:
             return
         self._placed.set(place, now_s)
@@ -382,16 +382,16 @@ class MavrosTelemetry:
         if fix is None or raw is None or not _is_same_fix(raw, fix):
             return
         self._geoid.on_exact(number(fix["altitude"]), number(raw["alt"]) / 1000.0)
-        self._place_origin(now_s)
+        self._set_origin(now_s)
 
     def _on_vfr_hud(self, message: Message, now_s: float) -> None:
         geo = self._geo.fresh(now_s)
         if geo is not None and self._geoid.separation_m is None:
             self._geoid.on_estimate(number(geo["altitude"]), number(message["altitude"]))
-            self._place_origin(now_s)
+            self._set_origin(now_s)
 
     def _on_home(self, message: Message, now_s: float) -> None:
-        if self._accepts_place(message["geo"]):
+        if self._accepts_position(message["geo"]):
             self._home.set(message, now_s)
             self.home_s = math.inf
 
@@ -421,14 +421,14 @@ class MavrosTelemetry:
         self.gimbal.discard()
         self.origin = LocalOrigin()
 
-    def _accepts_place(self, message: Message) -> bool:
+    def _accepts_position(self, message: Message) -> bool:
         """Judges a place on Earth with its altitude: a height is computed from it, by which ArduPilot takes off."""
         judge = self.plausibility
-        return judge.accepts_geo_point(_place(message)) and judge.accepts_altitude(number(message["altitude"]))
+        return judge.accepts_geo_point(_geo_point(message)) and judge.accepts_altitude(number(message["altitude"]))
 
     # --- What follows from it -----------------------------------------------------------------------------------------
 
-    def _judged_estimator(self, now_s: float) -> Sample[Estimator] | None:
+    def _assessed_estimator(self, now_s: float) -> Sample[Estimator] | None:
         """Judges by what was heard last: if nothing comes any more, it is not one topic that is silent."""
         estimator, velocity = self._estimator.sample, self.velocity.sample
         if estimator is None or not estimator.value.is_good:
@@ -454,7 +454,7 @@ class MavrosTelemetry:
         )
 
 
-def _place(message: Message) -> GeoPoint:
+def _geo_point(message: Message) -> GeoPoint:
     return GeoPoint(number(message["latitude"]), number(message["longitude"]))
 
 

@@ -111,18 +111,18 @@ class WaitingCorrections:
     def _on_too_long(self, bytes_count: int) -> None:
         before = self.counts.too_long_count
         self.counts = self.counts._replace(too_long_count=before + 1)
-        if _is_told(before, before + 1):
+        if _is_reported(before, before + 1):
             longest = self._longest_bytes
             logs.event(_log, logging.WARNING, "corrections_too_long", bytes=bytes_count, longest_bytes=longest)
 
     def _on_dropped(self, count: int, why: str) -> None:
         before = self.counts.dropped_count
         self.counts = self.counts._replace(dropped_count=before + count)
-        if _is_told(before, before + count):
+        if _is_reported(before, before + count):
             logs.event(_log, logging.WARNING, "corrections_dropped", why=why, count=before + count)
 
 
-def _is_told(before: int, after: int) -> bool:
+def _is_reported(before: int, after: int) -> bool:
     """Returns whether the first, the second, the fourth, and so on, is among those: a slow link must not fill the
     log.
     """

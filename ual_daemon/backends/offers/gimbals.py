@@ -60,7 +60,7 @@ class GimbalDriver(ABC):
 
     @property
     @abstractmethod
-    def place(self) -> Vector3:
+    def mount_position(self) -> Vector3:
         """Position in the body; zeros where that is not known."""
 
     @abstractmethod

@@ -93,12 +93,12 @@ class _Pulse:
         self.asked_s = math.inf
         """Time of the oldest ping without an answer; infinite if all are answered."""
         self._transport = transport
-        self._heard = transport.heard
+        self._heard = transport.received_count
         self._pinged_s = -math.inf
 
     def update(self, now_s: float) -> None:
-        if self._transport.heard != self._heard:
-            self._heard, self.heard_s, self.asked_s = self._transport.heard, now_s, math.inf
+        if self._transport.received_count != self._heard:
+            self._heard, self.heard_s, self.asked_s = self._transport.received_count, now_s, math.inf
         if now_s - self._pinged_s >= PING_S:
             self._pinged_s, self.asked_s = now_s, min(self.asked_s, now_s)
             self._transport.ping()

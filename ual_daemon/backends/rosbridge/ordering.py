@@ -44,7 +44,7 @@ class Ordering:
         """Returns when a message would have come, had it been as fast as the fastest one of late."""
         return self._fastest.to_utc(stamp_s, now_s, now_s) if stamp_s else now_s
 
-    def said_s(self, stamp_s: float, now_s: float) -> float:
+    def state_time_s(self, stamp_s: float, now_s: float) -> float:
         """Returns the same of a message of the state. Its stamps are of another clock than those of poses, and of a
         simulation that may be slow: only the last second counts.
         """

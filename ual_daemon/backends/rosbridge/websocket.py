@@ -54,11 +54,11 @@ class BridgeTransport(ABC):
 
     @abstractmethod
     def ping(self) -> None:
-        """Asks for a sign of life; `heard` then shows it."""
+        """Asks for a sign of life; `received_count` then shows it."""
 
     @property
     @abstractmethod
-    def heard(self) -> int:
+    def received_count(self) -> int:
         """A number that changes with everything that comes, also with answers to `ping`."""
 
     @abstractmethod
@@ -181,7 +181,7 @@ class WebSocket(BridgeTransport):
 
     @property
     @override
-    def heard(self) -> int:
+    def received_count(self) -> int:
         return self._heard
 
     @override

@@ -263,7 +263,7 @@ class AutopilotMission(Manoeuvre):
             return False
         if mode == self._offer.mode and self.mode_seen != mode:  # it was entered just now
             return True
-        self._item = self._told_item()
+        self._item = self._reported_item()
         if self._is_returning(snapshot):
             return None if snapshot.control.held_by is Cause.OPEN else True  # it may be a failsafe
         return True if self._is_complete(snapshot, self._offer.report()) else self._may_be_complete(snapshot) and None
@@ -275,8 +275,8 @@ class AutopilotMission(Manoeuvre):
         if not estimate.is_link_up or estimate.state is State.UNINITIALIZED:
             return self._step_blind(snapshot, estimate)
         self._seen_s = snapshot.time_s
-        self._look_after_silence(snapshot)
-        self._look_at_items(snapshot)
+        self._check_after_silence(snapshot)
+        self._check_items(snapshot)
         self._was_in_air = self._was_in_air or estimate.state not in _LANDED
         if estimate.state in _LANDED and self._was_in_air:
             return self._landed(snapshot, estimate) if self._touch_down.has_landed(snapshot, estimate) else Step()
@@ -288,7 +288,7 @@ class AutopilotMission(Manoeuvre):
         """The autopilot flies on. Before it does, nothing is known of what was commanded; its mode tells that later."""
         if self._seen_s is None:
             self._seen_s = snapshot.time_s
-        if estimate.is_link_up and (step := self._unless_flown_unseen(snapshot)) is not None:
+        if estimate.is_link_up and (step := self._unless_mode_shows_others(snapshot)) is not None:
             return step
         is_entering = self._phase is _Phase.ENTERING
         if self._phase is _Phase.CHOOSING or (is_entering and snapshot.time_s - self._seen_s > LONGEST_GAP_S):
@@ -300,7 +300,7 @@ class AutopilotMission(Manoeuvre):
         self._task.note = f"{estimate.why}; {what}"
         return Step()
 
-    def _unless_flown_unseen(self, snapshot: Snapshot) -> Step | None:
+    def _unless_mode_shows_others(self, snapshot: Snapshot) -> Step | None:
         """Returns its end where the mode, which is heard without a position, too, shows that others fly it. A failsafe
         may give it back to the mission once the position is known.
         """
@@ -311,9 +311,9 @@ class AutopilotMission(Manoeuvre):
         if self._phase is not _Phase.FLYING:
             return None
         is_over = self._is_complete(snapshot, self._offer.report()) or self._may_be_complete(snapshot)
-        return None if is_over else self._unless_flown(snapshot)
+        return None if is_over else self._unless_flying(snapshot)
 
-    def _look_after_silence(self, snapshot: Snapshot) -> None:
+    def _check_after_silence(self, snapshot: Snapshot) -> None:
         """After a long silence the flight may be another's: whether the mission is still this one is read anew."""
         heard_s, before_s = snapshot.heard_s, self._heard_s
         self._heard_s = heard_s
@@ -323,8 +323,8 @@ class AutopilotMission(Manoeuvre):
         if self._phase is _Phase.FLYING:
             self._phase, self._waited = _Phase.VERIFYING, None
 
-    def _look_at_items(self, snapshot: Snapshot) -> None:
-        report, item = self._offer.report(), self._told_item()
+    def _check_items(self, snapshot: Snapshot) -> None:
+        report, item = self._offer.report(), self._reported_item()
         if self._phase is not _Phase.FLYING or report is None or report.time_s <= self._entered_s:
             self._left_out.forget()
             return
@@ -341,7 +341,7 @@ class AutopilotMission(Manoeuvre):
         text = f"{NAME}: it has ended without {', '.join(names)}: another station has jumped"
         return TaskAbortedError(text, {"by": Cause.GROUND_STATION.value})
 
-    def _told_item(self) -> int:
+    def _reported_item(self) -> int:
         """Returns the item that the autopilot told last, since it has entered the mission."""
         report = self._offer.report()
         if report is None or report.item is None or report.time_s <= self._entered_s:
@@ -374,7 +374,7 @@ class AutopilotMission(Manoeuvre):
         return self._item >= last and isinstance(self._kept.items[-1], Land | ReturnToLaunch)
 
     def _verifying(self, snapshot: Snapshot) -> Step:
-        if (step := self._unless_flown(snapshot)) is not None:
+        if (step := self._unless_flying(snapshot)) is not None:
             return step
         if (step := self._unless_kept("the autopilot flies on: it is not known what")) is not None:
             return step
@@ -462,7 +462,7 @@ class AutopilotMission(Manoeuvre):
             return Step(handover=self._hand_back())
         if self._may_be_complete(snapshot):
             return Step()
-        if (step := self._unless_flown(snapshot)) is not None:
+        if (step := self._unless_flying(snapshot)) is not None:
             return step
         if self._task.is_paused:
             self.command, self._trouble = AutopilotCommand("hold its position"), ""
@@ -509,7 +509,7 @@ class AutopilotMission(Manoeuvre):
         take_back.replaces(self)
         return Handover(take_back, take_back.send)
 
-    def _unless_flown(self, snapshot: Snapshot) -> Step | None:
+    def _unless_flying(self, snapshot: Snapshot) -> Step | None:
         """Returns the end of a mission that the autopilot does not fly any more; None while it does."""
         if _mode(snapshot) == self._offer.mode:
             return None

@@ -97,7 +97,7 @@ class AwaitStop(Manoeuvre):
         if is_own is None or estimate.state is State.TAKING_OFF:
             return Step()
         if self._refused is not None and self.modes is not None and estimate.state is State.FLYING_MANUAL:
-            return self._hold_seen(self._refused, self.modes, snapshot)
+            return self._hold_fresh(self._refused, self.modes, snapshot)
         if self.command is not None:
             self.command.withdraw()  # it must not be sent again after what follows it
         handover = self._stop(estimate.state, snapshot, self)
@@ -122,16 +122,16 @@ class AwaitStop(Manoeuvre):
         if is_own and self.modes is not None:
             self._hold_unseen(*self.modes, snapshot)
         if self._failure is not None and not self.has_held:
-            self.unseen = self._told_of(self._failure, snapshot.control.mode_name)
+            self.unseen = self._text_of(self._failure, snapshot.control.mode_name)
         return False
 
-    def _told_of(self, failure: UalError, mode: str) -> str:
+    def _text_of(self, failure: UalError, mode: str) -> str:
         if self.modes is None or mode == self.modes[0]:
             return f"its mission may go on: {failure}; {_REMEDY}"
         replaced = f"its mission was not stopped ({failure}), but {mode} has replaced it"
         return f"{replaced}: take over by hand where that is wrong"
 
-    def _hold_seen(self, refused: UalError, modes: tuple[str, str], snapshot: Snapshot) -> Step:
+    def _hold_fresh(self, refused: UalError, modes: tuple[str, str], snapshot: Snapshot) -> Step:
         self._hold_unseen(*modes, snapshot)
         if self.has_held:
             return failed(with_advice(refused, "the autopilot holds its position by itself instead"))

@@ -44,7 +44,7 @@ class ReferenceRules:
     geofence: GeofencePolicy
     authority: Authority
     drift: DriftCorrection
-    is_flown_by_us: Callable[[], bool]
+    is_in_control: Callable[[], bool]
 
     def may_send(self, snapshot: Snapshot, raw: Estimate, *, is_begun: bool) -> bool:
         """Returns whether a reference may be sent now, and lets the authority note who flies.
@@ -57,7 +57,7 @@ class ReferenceRules:
             mode = snapshot.control.mode
             may_send = mode is not None and mode.value.control is Control.REFERENCES
         self.authority.observe(raw.state, snapshot, is_sending=may_send and is_begun)
-        if may_send and self.is_flown_by_us():
+        if may_send and self.is_in_control():
             return True
         self.drift.forget()
         return False
@@ -153,8 +153,8 @@ class FlyReference(Manoeuvre):
         return self.reference
 
     @override
-    def way(self, now_s: float) -> Sequence[Vector3]:
-        return self.reference.way(now_s)
+    def path_points(self, now_s: float) -> Sequence[Vector3]:
+        return self.reference.path_points(now_s)
 
     @override
     def estimate_jumped(self, jump: EstimateJump, stop: Reference) -> UalError | None:

@@ -25,7 +25,7 @@ from ual_daemon.flight.manoeuvres.manoeuvre import (
     Manoeuvre,
     Step,
     failed,
-    no_way,
+    no_progress,
     why_not_ours,
 )
 from ual_daemon.flight.manoeuvres.progress_watch import Headway
@@ -85,7 +85,7 @@ class FollowTrajectory(Manoeuvre):
         self._task = task
         self._tolerance = tolerance
         self._course = course
-        self._way = self._way_of(trajectory)
+        self._way = self._followed(trajectory)
         self._outline: Sequence[Vector3] | None = None
         # Set before the first step, so that a command that comes before it begins with the motion of this reference.
         self._reference = None if planned_s is None else tracker(trajectory, planned_s, tolerance)
@@ -98,7 +98,7 @@ class FollowTrajectory(Manoeuvre):
         self._planning: _Planning | None = None
         self._said_before: str | None = None
 
-    def _way_of(self, trajectory: Trajectory, flown_m: float = 0.0, first_waypoint: int = 0) -> _FollowedTrajectory:
+    def _followed(self, trajectory: Trajectory, flown_m: float = 0.0, first_waypoint: int = 0) -> _FollowedTrajectory:
         end = trajectory.end()
         arrival = Arrival(end.position, end.yaw_rad, self._tolerance)
         return _FollowedTrajectory(trajectory, Hold(end.position, end.yaw_rad), arrival, flown_m, first_waypoint)
@@ -113,7 +113,7 @@ class FollowTrajectory(Manoeuvre):
         if self._said_before is None:
             self._said_before = snapshot.condition.status_text
         try:
-            self._look_on(self._reference, snapshot)
+            self._continue_planning(self._reference, snapshot)
         except UalError as error:
             return _ended_by_world(error)
         return self._follow(self._reference, snapshot, estimate)
@@ -141,7 +141,7 @@ class FollowTrajectory(Manoeuvre):
         stuck_s = self._stuck_s(reference, snapshot)
         if not stuck_s:
             return Step(setpoint)
-        return no_way(self.name, stuck_s, arrival.error_text(), snapshot, self._said_before)
+        return no_progress(self.name, stuck_s, arrival.error_text(), snapshot, self._said_before)
 
     def _stuck_s(self, reference: TrajectoryReference | Pursuit, snapshot: Snapshot) -> float:
         """Returns for how long it has made no way; 0 while it makes way, or need not, or between two looks."""
@@ -191,7 +191,7 @@ class FollowTrajectory(Manoeuvre):
             successor = course.successor(self._task, snapshot)
             if successor is not None:
                 return Step(handover=Handover(successor))
-            self._fit(course, self._flown(reference, snapshot), snapshot, limits, geofence)
+            self._fit(course, self._course_progress(reference, snapshot), snapshot, limits, geofence)
         except UalError as error:
             return _ended_by_world(error)
         return None
@@ -223,7 +223,7 @@ class FollowTrajectory(Manoeuvre):
         except WrongStateError:  # for a moment, as the autopilot's origin is asked for again
             self.is_fitted = False
 
-    def _look_on(self, reference: TrajectoryReference | Pursuit, snapshot: Snapshot) -> None:
+    def _continue_planning(self, reference: TrajectoryReference | Pursuit, snapshot: Snapshot) -> None:
         """Goes on with what one update has no time for. Raises a `UalError` if the task cannot go on."""
         if self._rest is not None:
             self._rest.require_inside(snapshot)
@@ -231,7 +231,7 @@ class FollowTrajectory(Manoeuvre):
         planning = self._planning
         if planning is None:
             return
-        flown = self._flown(reference, snapshot)
+        flown = self._course_progress(reference, snapshot)
         still_m_s = self._tolerance.speed_m_s if isinstance(reference, Pursuit) else _AT_REST_M_S
         if flown.motion.velocity.norm() <= still_m_s:
             planning.begin(flown, snapshot)
@@ -239,7 +239,7 @@ class FollowTrajectory(Manoeuvre):
             self._planning, self._rest = None, None
             self._take(planning.found(), flown, snapshot)
 
-    def _flown(self, reference: TrajectoryReference | Pursuit, snapshot: Snapshot) -> CourseProgress:
+    def _course_progress(self, reference: TrajectoryReference | Pursuit, snapshot: Snapshot) -> CourseProgress:
         return CourseProgress(
             self._way.trajectory, reference.passed_s, next_start(reference, snapshot), reference.is_waiting
         )
@@ -248,7 +248,7 @@ class FollowTrajectory(Manoeuvre):
         """Follows another trajectory from now on."""
         before, trajectory = self._way, onward.trajectory
         flown_m = before.flown_m + before.trajectory.length_m - before.trajectory.length_left_m(flown.time_s)
-        self._way = self._way_of(trajectory, flown_m, before.first_waypoint + onward.passed_count)
+        self._way = self._followed(trajectory, flown_m, before.first_waypoint + onward.passed_count)
         self._reference = self._tracker(trajectory, snapshot.time_s, self._tolerance)
         self._longest_s = self._spent_s + _longest_s(trajectory)
         self._outline, self._watched_s, self._rest = None, -math.inf, None
@@ -263,7 +263,7 @@ class FollowTrajectory(Manoeuvre):
         return self._reference
 
     @override
-    def way(self, now_s: float) -> Sequence[Vector3]:
+    def path_points(self, now_s: float) -> Sequence[Vector3]:
         if self._outline is None:
             self._outline = outline(self._way.trajectory)
         return self._outline

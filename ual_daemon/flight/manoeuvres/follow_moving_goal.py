@@ -13,7 +13,7 @@ from ual.geometry import Vector3, wrap_angle
 from ual.types import Limits
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.manoeuvres.arrival import Dwell
-from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre, Step, failed, no_way, why_not_ours
+from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre, Step, failed, no_progress, why_not_ours
 from ual_daemon.flight.manoeuvres.progress_watch import WAY_M, Headway
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import Progress, VehicleTask
@@ -78,7 +78,7 @@ class FollowMovingGoal(Manoeuvre):
             return failed(self._timeout(goal, left_m, estimate))
         stuck_s = self._stuck_s(goal, measured, left_m, snapshot.time_s)
         left = f"{left_m:.2f} m off its goal, which moves at {goal.velocity.norm():.2f} m/s"
-        return no_way(self.name, stuck_s, left, snapshot, self._said_before) if stuck_s else Step(setpoint)
+        return no_progress(self.name, stuck_s, left, snapshot, self._said_before) if stuck_s else Step(setpoint)
 
     @property
     def _slowest_m_s(self) -> float:
@@ -129,8 +129,8 @@ class FollowMovingGoal(Manoeuvre):
         return self._moving_goal
 
     @override
-    def way(self, now_s: float) -> Sequence[Vector3]:
-        return self._moving_goal.way(now_s)
+    def path_points(self, now_s: float) -> Sequence[Vector3]:
+        return self._moving_goal.path_points(now_s)
 
 
 def _progress(left_m: float, initial_distance_m: float) -> Progress:

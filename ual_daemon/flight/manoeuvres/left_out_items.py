@@ -60,7 +60,7 @@ class LeftOutItems:
             self._own = None
         elif report.time_s - before[1] <= _LONGEST_S and not self._jumps_by_itself:
             begin = before[0] + (self._nearest_m <= _APART_M)
-            self._left_out.update(number for number in range(begin, item) if self._is_flown_to(number))
+            self._left_out.update(number for number in range(begin, item) if self._is_destination(number))
         if before is not None and before[0] != item:
             self._nearest_m = self._away_m(item, snapshot)
         self._left_out -= {item, report.reached}
@@ -68,7 +68,7 @@ class LeftOutItems:
     def _away_m(self, number: int, snapshot: Snapshot) -> float:
         """Returns how far it is from the place of an item; 0 where that is not known."""
         item, here = self._items[number - 1], snapshot.position_geo()
-        pose, home, place = snapshot.motion.pose, snapshot.earth.home, _place(item)
+        pose, home, place = snapshot.motion.pose, snapshot.earth.home, _position(item)
         if place is None or here is None:
             return 0.0
         aside = FlatProjection(*place).to_local(here.latitude_deg, here.longitude_deg, place[2])
@@ -82,19 +82,19 @@ class LeftOutItems:
         """Returns whether what is told is that of UAL's jump: an item that does not fly is told as the one after it."""
         return own <= told and not any(isinstance(each, PLACED) for each in self._items[own - 1 : told - 1])
 
-    def _is_flown_to(self, number: int) -> bool:
+    def _is_destination(self, number: int) -> bool:
         """Returns whether an item leads to a place that takes time to fly to."""
         item = self._items[number - 1]
         if not isinstance(item, PLACED):
             return False
         before = next((each for each in reversed(self._items[: number - 1]) if isinstance(each, PLACED)), None)
-        here, there = _place(before), _place(item)
+        here, there = _position(before), _position(item)
         if here is None or there is None:
             return True
         return (FlatProjection(*here).to_local(*there)).norm() > _APART_M
 
 
-def _place(item: Item | None) -> tuple[float, float, float] | None:
+def _position(item: Item | None) -> tuple[float, float, float] | None:
     if not isinstance(item, PLACED) or item.latitude_deg is None or item.longitude_deg is None:
         return None
     return item.latitude_deg, item.longitude_deg, getattr(item, "altitude_m", None) or 0.0

@@ -209,7 +209,7 @@ class Manoeuvre(ABC):
         """Returns the record of what replaces it; see `Led`."""
         return self.led or Led(self.led_to)
 
-    def way(self, now_s: float) -> Sequence[Vector3]:
+    def path_points(self, now_s: float) -> Sequence[Vector3]:
         """Returns its way from where it began to where it ends, as points; none where that is not known."""
         del now_s
         return ()
@@ -258,7 +258,7 @@ def guarded(manoeuvre: Manoeuvre, act: Callable[P, T], *args: P.args, **kwargs: 
         return Step(has_ended=True, error=UalError(f"{manoeuvre.name}: a defect of UAL: {error!r}"))
 
 
-def no_way(during: str, stuck_s: float, left: str, snapshot: Snapshot, said_before: str | None) -> Step:
+def no_progress(during: str, stuck_s: float, left: str, snapshot: Snapshot, said_before: str | None) -> Step:
     """Returns the step of a manoeuvre that has ended because it makes no way. `left` says what is left.
 
     What the autopilot says is told, unless it had said that before the manoeuvre began (`said_before`).
@@ -325,7 +325,7 @@ def taken_over(snapshot: Snapshot, during: str) -> TaskAbortedError:
         what = "the safety pilot or a ground station took over"
     else:
         what = f"the {cause.value} took over"
-    return TaskAbortedError(f"{during}: {what} {in_mode}; {_way_out(state, cause)}", metadata)
+    return TaskAbortedError(f"{during}: {what} {in_mode}; {_remedy(state, cause)}", metadata)
 
 
 _STATES = {
@@ -348,7 +348,7 @@ def _state_of(snapshot: Snapshot, cause: Cause) -> State:
     return _STATES.get(control, State.FLYING_MANUAL)
 
 
-def _way_out(state: State, cause: Cause) -> str:
+def _remedy(state: State, cause: Cause) -> str:
     if state is State.FLYING_MANUAL:
         return takes_back(cause)
     if state is State.FLYING_AUTO:

@@ -66,7 +66,7 @@ class MissionWatch:
         looked_s, self._stepped_s = min(now_s, self._stepped_s + _STEP_S), now_s
         if self._reading is not None and self._reading.done():
             self._take(self._reading, now_s, looked_s)
-        told = self._told()
+        told = self._report_key()
         if told is None or self._reading is not None or self.is_other:
             return
         if told.mission_id and told.mission_id == self._kept.mission_id:
@@ -81,18 +81,18 @@ class MissionWatch:
 
     def is_sure(self, *, is_end: bool) -> bool:
         """Returns whether the mission is ours by all that is told, and by what was read at its end."""
-        told = self._told()
+        told = self._report_key()
         if told is None:
             return True
         return told == self._sure and (not is_end or bool(told.mission_id) or self._is_end_read)
 
     def has_list_of(self, report: MissionReport) -> bool:
         """Returns whether the list told now is the one that was ours; also while none was told."""
-        return self._sure is None or self._sure == _told(report)
+        return self._sure is None or self._sure == _report_key(report)
 
-    def _told(self) -> _MissionReportKey | None:
+    def _report_key(self) -> _MissionReportKey | None:
         report = self._offer.report()
-        return None if report is None else _told(report)
+        return None if report is None else _report_key(report)
 
     def _take(self, reading: Future[KeptMission], now_s: float, looked_s: float) -> None:
         self._reading, self.failure = None, None
@@ -108,5 +108,5 @@ class MissionWatch:
         self._next_look_s = looked_s + max(LOOK_S, _PAUSE_FACTOR * (looked_s - self._began_s))
 
 
-def _told(report: MissionReport) -> _MissionReportKey:
+def _report_key(report: MissionReport) -> _MissionReportKey:
     return _MissionReportKey(report.mission_id, report.changes)

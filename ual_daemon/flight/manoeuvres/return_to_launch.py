@@ -67,9 +67,9 @@ class ReturnManoeuvre(FollowTrajectory):
         return Step(handover=self._land(self._task, snapshot, self._way.hold, _NAME, report))
 
     @override
-    def way(self, now_s: float) -> Sequence[Vector3]:
+    def path_points(self, now_s: float) -> Sequence[Vector3]:
         end = self._way.trajectory.end().position
-        return *super().way(now_s), Vector3(end.x, end.y, self._home.ground_z_m)
+        return *super().path_points(now_s), Vector3(end.x, end.y, self._home.ground_z_m)
 
     @override
     def _progress(self, snapshot: Snapshot, motion: Motion, time_s: float) -> Progress:

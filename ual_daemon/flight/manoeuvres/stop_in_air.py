@@ -50,7 +50,7 @@ class StopInAir(Recover):
 
     @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
-        if estimate.state in _ELSEWHERE and self._is_flown(snapshot):
+        if estimate.state in _ELSEWHERE and self._may_fly_mission(snapshot):
             handover = self._stop(estimate.state, snapshot, self)
             if handover is not None:
                 return Step(handover=handover)
@@ -60,7 +60,7 @@ class StopInAir(Recover):
             return step
         return Step(handover=self._hold_instead(step.error, self))
 
-    def _is_flown(self, snapshot: Snapshot) -> bool:
+    def _may_fly_mission(self, snapshot: Snapshot) -> bool:
         """Returns whether the autopilot may still fly the mission, in the mode in which it did."""
         mode = snapshot.control.mode
         if mode is None or mode.value.name == (self._began_in or self.mode_begun or mode.value.name):

@@ -151,14 +151,14 @@ class TakeOffManoeuvre(Manoeuvre):
         autopilot that climbs by itself may do so in other modes, too (ArduPilot in LOITER).
         """
         is_ours = _is_ours(snapshot)
-        is_taken_over = (self._was_ours and not is_ours) or self._is_flown_by_others(snapshot, estimate)
+        is_taken_over = (self._was_ours and not is_ours) or self._is_controlled_by_others(snapshot, estimate)
         self._is_mode_left_over = self._is_mode_left_over and is_ours
         self._was_ours = is_ours and not self._is_mode_left_over
         other = self._other_mode(snapshot)
         self._began_in = self._began_in or other
         return is_taken_over or other not in ("", self._began_in)
 
-    def _is_flown_by_others(self, snapshot: Snapshot, estimate: Estimate) -> bool:
+    def _is_controlled_by_others(self, snapshot: Snapshot, estimate: Estimate) -> bool:
         """Returns whether it flies in a mode that is not ours.
 
         On a bad link it may be heard to have left the ground before its new mode is. A mode from before that says
@@ -210,10 +210,10 @@ class TakeOffManoeuvre(Manoeuvre):
         has_lifted_off = is_there or climbed_m >= min(_LEFT_GROUND_M, self._height_m / 2.0)
         self._has_lifted_off = self._has_lifted_off or has_lifted_off
         if self._climb_watch.text:
-            return self._given_up(climbed_m, self._climb_watch.text)
+            return self._end_of_stuck_climb(climbed_m, self._climb_watch.text)
         patience_s = max(STUCK_S, _LIFT_OFF_S + _LEFT_GROUND_M / self._limits.climb_speed_m_s)
         if not self._has_lifted_off and passed_s > patience_s:
-            return self._given_up(climbed_m, f"it has not lifted off for {passed_s:.0f} s: {self._stuck}")
+            return self._end_of_stuck_climb(climbed_m, f"it has not lifted off for {passed_s:.0f} s: {self._stuck}")
         if self._has_arrived(snapshot.time_s, climbed_m, motion.velocity.norm(), estimate):
             return Step(setpoint, has_ended=True, next_reference=self._top)
         if passed_s > self._longest_s:
@@ -234,7 +234,7 @@ class TakeOffManoeuvre(Manoeuvre):
         )
         return Step(has_ended=True, error=error, is_autopilot_to_hold=True)
 
-    def _given_up(self, climbed_m: float, why: str) -> Step:
+    def _end_of_stuck_climb(self, climbed_m: float, why: str) -> Step:
         """Returns the step that ends a climb that makes no way: it must not begin later, when nobody expects it."""
         error = UalTimeoutError(
             f"take_off: at {climbed_m:.2f} m, not at {self._height_m:g} m: {why}; the autopilot is "
@@ -312,7 +312,7 @@ class TakeOffManoeuvre(Manoeuvre):
         return None
 
     @override
-    def way(self, now_s: float) -> Sequence[Vector3]:
+    def path_points(self, now_s: float) -> Sequence[Vector3]:
         return self._ground.position, self._top.position
 
     @override

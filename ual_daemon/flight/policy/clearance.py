@@ -102,7 +102,7 @@ class Clearance:
             if not own2 <= speed2:
                 speed2 = own2
         speed_m_s = math.sqrt(speed2)
-        # All points of `reach` lie within this distance of where it is.
+        # All points of `reachable_points` lie within this distance of where it is.
         reach_m = speed_m_s * (_WAY_S + speed_m_s * now.brake_s2_m)
         left_m, off_x, off_y, off_z = now.radius_m - reach_m, here.x - now.x, here.y - now.y, here.z - now.z
         off2 = off_x * off_x + off_y * off_y + off_z * off_z

@@ -168,7 +168,7 @@ class Following:
 
     # --- What is known ------------------------------------------------------------------------------------------------
 
-    def told(self, found: Estimate) -> Estimate:
+    def with_reason(self, found: Estimate) -> Estimate:
         """Returns the state of a UAV that does not follow, with its reason."""
         state = State.LANDED_ARMED if self.lies and found.state in _IN_AIR else found.state
         return Estimate(state, f"{self.why}{self._now()}; {self._remedy(state)} ({found.why})", found.is_link_up)
@@ -231,7 +231,7 @@ class Following:
     def _begin_anew(self) -> None:
         """Forgets the motion from before a gap."""
         self._recent.clear()
-        self._forget_place()
+        self._forget_distance()
         self._fall = self._stopped = self._still_s = None
         self._tilted_s = self._slow_s = math.inf
         self._looked_s = self._placed_s = -math.inf
@@ -348,7 +348,11 @@ class Following:
             self._fall = None
         else:
             is_pilots = state is State.FLYING_MANUAL and not _is_autonomous(control.mode)
-            asked_m_s = math.inf if is_pilots else self._asked(snapshot, state, None if current is None else current())
+            asked_m_s = (
+                math.inf
+                if is_pilots
+                else self._commanded_descent_m_s(snapshot, state, None if current is None else current())
+            )
             most_m_s = (0.0 if is_stopped else asked_m_s) + FALL_M_S
             if self._falls(now_s, z_m, down_m_s, min(most_m_s, self._may_have_gained(now_s))):
                 return (Trouble.STOPPED if is_stopped else Trouble.FALL), down_m_s
@@ -381,7 +385,7 @@ class Following:
         elif now_s - self._tilted_s >= _TILTS_S:
             return Trouble.TILT, math.degrees(math.acos(max(-1.0, level)))
         if current is None or state is not State.FLYING_AUTO:
-            self._forget_place()
+            self._forget_distance()
             return None
         moves = self._speed_squared > _MOVES_M_S * _MOVES_M_S
         if not moves:
@@ -391,11 +395,11 @@ class Following:
         self._placed_s = now_s
         reference = current()
         if reference is None:
-            self._forget_place()
+            self._forget_distance()
             return None
         return self._astray(snapshot, reference)
 
-    def _forget_place(self) -> None:
+    def _forget_distance(self) -> None:
         """Forgets how far it is from what is asked: nothing is, or others fly."""
         self._hold, self._off, self._astray_s = None, (-math.inf, math.inf), math.inf
 
@@ -409,7 +413,7 @@ class Following:
             self._stopped = _ReceivedVelocity(now_s, z_m, 0.0)
         return self._stopped.z_m - z_m > _STOPPED_DROP_M or now_s - self._stopped.time_s > _STOPPED_S
 
-    def _asked(self, snapshot: Snapshot, state: State, reference: Reference | None) -> float:
+    def _commanded_descent_m_s(self, snapshot: Snapshot, state: State, reference: Reference | None) -> float:
         """Returns how fast it is to descend at most: what was asked of late ends slowly."""
         own_m_s = max(OWN_DESCENT_M_S, self._backend.info().limits.descent_speed_m_s)
         if state is State.LANDED_ARMED:

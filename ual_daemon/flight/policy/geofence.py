@@ -18,7 +18,7 @@ from ual.types import Limits
 from ual_daemon.backends.values import AutopilotFence, Snapshot
 from ual_daemon.flight.policy import autopilot_fence
 from ual_daemon.flight.policy.ground import Datum, Ground
-from ual_daemon.flight.policy.reachable_points import ReachablePoints, change, reach
+from ual_daemon.flight.policy.reachable_points import ReachablePoints, change, reachable_points
 from ual_daemon.flight.state import Estimate
 from ual_daemon.frames.fence import Exit, Fence
 from ual_daemon.frames.odom_metres import FrameInLocal, OdomMetres
@@ -214,7 +214,7 @@ class GeofencePolicy:
         fence = cached[1] if own is None else self._within_autopilot_zones(cached[1], own, snapshot)
         lowest_m, highest_m = self._edges(datum)
         highest_m += datum.noise_m
-        band = (fence, lowest_m - self._given_m(), highest_m)
+        band = (fence, lowest_m - self._goal_margin_m(), highest_m)
         narrowed = self._narrowed
         if narrowed is None or narrowed[0] != band:
             low_fence = fence.narrowed(lowest_m - self.clearance_m - datum.noise_m, highest_m)
@@ -308,7 +308,7 @@ class GeofencePolicy:
         ceiling_m = math.inf if self._ceiling_m is None else self._ceiling_m
         return datum.z_m + floor_m, datum.z_m + ceiling_m
 
-    def _given_m(self) -> float:
+    def _goal_margin_m(self) -> float:
         """Returns how far below the clearance a goal may lie, so that a hover at it is no goal beyond it."""
         return min(_MOST_GIVEN_M, self.clearance_m / 2.0)
 
@@ -458,8 +458,8 @@ class GeofencePolicy:
         """Checks that a UAV that is commanded a velocity can still stop inside the fence.
 
         It must be able to stop from the commanded velocity, from its own, and from the one that it has when it can next
-        be commanded to brake. These points are those of `reach`. Outside, a velocity that brings it nearer, and not out
-        again on another side, is allowed. Anywhere, a velocity that stops it as well as it can be stopped is allowed.
+        be commanded to brake: see `reachable_points`. Outside, a velocity that brings it nearer, and not out again on
+        another side, is allowed. Anywhere, a velocity that stops it as well as it can be stopped is allowed.
 
         A stream of setpoints pays for polygons only now and then. What was found to be inside serves the next setpoint
         as a convex part of the fence (`Room`). Where all points of the reach lie in it, so does every way between them,
@@ -475,7 +475,7 @@ class GeofencePolicy:
         assert snapshot.motion.pose is not None
         now, here = self._now(snapshot), snapshot.motion.pose.value.position
         own = _AT_REST if snapshot.motion.velocity is None else snapshot.motion.velocity.value.linear
-        points = reach(here, own, velocity, limits)
+        points = reachable_points(here, own, velocity, limits)
         if now.has(points):
             if not now.floor_z_m <= points.commanded_stop[2] <= now.ceiling_z_m:
                 self._require_stop_between(now, points, velocity)
@@ -522,7 +522,7 @@ class GeofencePolicy:
     def _require_stop_between(self, now: _CachedFence, points: ReachablePoints, velocity: Vector3) -> None:
         """Raises `GeofenceError` if a velocity leads through the clearance of the floor, or through the ceiling."""
         stop_z_m = points.commanded_stop[2]
-        given_m = self._given_m() if velocity.z >= -_GENTLE_M_S else 0.0
+        given_m = self._goal_margin_m() if velocity.z >= -_GENTLE_M_S else 0.0
         if velocity.z < -_SINKING_M_S and stop_z_m < now.floor_z_m - given_m:
             raise GeofenceError(
                 f"velocity: from {self._text(Vector3(*points.here))} the UAV could not stop above the floor "
@@ -564,7 +564,7 @@ class GeofencePolicy:
         lowest_m, highest_m = self._edges(datum)
         height_m = point.z - datum.z_m
         where = f"{abs(height_m):.1f} m {'below' if height_m < 0.0 else 'above'} {datum.name}"
-        if point.z < lowest_m - self._given_m():
+        if point.z < lowest_m - self._goal_margin_m():
             return f"{where}, {self._below_text(height_m)}", {"setting": "floor_m"}
         if point.z > highest_m + datum.noise_m:
             return f"{where}, above the ceiling ({self._ceiling_text()})", {"setting": "ceiling_m"}

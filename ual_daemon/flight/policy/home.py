@@ -16,7 +16,7 @@ class HomePoint(NamedTuple):
     what: str
 
 
-def home_place(snapshot: Snapshot, ground: Ground) -> HomePoint | None:
+def home_point(snapshot: Snapshot, ground: Ground) -> HomePoint | None:
     """Returns the autopilot's home, where its own return would fly, else the place of the take-off; None if unknown.
 
     The ground from which UAL saw it take off gives the height: autopilots correct the altitude of home in flight.

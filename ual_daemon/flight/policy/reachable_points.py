@@ -44,7 +44,7 @@ class ReachablePoints(NamedTuple):
         return [here, commanded_stop], [here, own_stop], [here, changed, changed_stop]
 
 
-def reach(here: Vector3, own: Vector3, velocity: Vector3, limits: Limits) -> ReachablePoints:
+def reachable_points(here: Vector3, own: Vector3, velocity: Vector3, limits: Limits) -> ReachablePoints:
     """Returns where a UAV with its `own` velocity may come to. The commanded velocity must not be zero."""
     x, y, z = here.x, here.y, here.z
     vx, vy, vz = velocity.x, velocity.y, velocity.z

@@ -74,7 +74,7 @@ class AuditOutput(ABC):
     def add(self, entry: dict[str, Any]) -> None:
         """Adds a line, to be written."""
 
-    def look(self, now: datetime) -> str:
+    def file_loss(self, now: datetime) -> str:
         """Returns what has become of the file since the last time, human-readable; empty if it is there. One that is
         lost is begun anew, with what is not written.
 
@@ -153,17 +153,17 @@ class AuditFile(AuditOutput):
 
     @override
     def add(self, entry: dict[str, Any]) -> None:
-        text, head = audit.line(entry, self._head)
+        text, head = audit.encoded_entry(entry, self._head)
         if len(text) > _LONGEST_ADDED:
             outline = {name: value for name, value in entry.items() if name in _OUTLINE}
             entry = {**outline, audit.UNTOLD: f"{len(text)} bytes, and a line has at most {_LONGEST_ADDED}"}
-            text, head = audit.line(entry, self._head)
+            text, head = audit.encoded_entry(entry, self._head)
         self._head = head
         self._unwritten += text + b"\n"
         self._added.append(entry)
 
     @override
-    def look(self, now: datetime) -> str:
+    def file_loss(self, now: datetime) -> str:
         loss = output_file.loss_of(self._path, self._file)
         if loss:
             opened = _open(self._path)

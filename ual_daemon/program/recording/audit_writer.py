@@ -141,7 +141,7 @@ class AuditWriter:
     def _turn(self) -> None:
         """Writes a piece of what waits, and finds out what cannot be done now."""
         try:
-            self._look()
+            self._check_file()
             if not self._failure:
                 self._take_piece()
             self._lines.write()
@@ -156,8 +156,8 @@ class AuditWriter:
             self._fail(f"{type(error).__name__}: {error}")
         self._tell()
 
-    def _look(self) -> None:
-        loss = self._lines.look(self._now())
+    def _check_file(self) -> None:
+        loss = self._lines.file_loss(self._now())
         if loss:
             self._file_losses_count, self._last_loss = self._file_losses_count + 1, loss
             logs.event(_log, logging.ERROR, "audit_file_lost", file=self._lines.name, why=loss, remedy="begun anew")

@@ -78,7 +78,7 @@ class Access:
             UnauthenticatedError: The caller is not known here.
 
         """
-        given = _given(call)
+        given = _metadata_of(call)
         roles, is_local = self._roles(), is_this_computer(call.peer())
         caller = None
         if AUTHORIZATION in given and (self._tokens is not None or not is_local):  # who has no tokens judges none
@@ -148,7 +148,7 @@ def _is_loopback(text: str) -> bool:
     return address.is_loopback or (mapped is not None and mapped.is_loopback)
 
 
-def _given(call: ServedCall) -> dict[str, str]:
+def _metadata_of(call: ServedCall) -> dict[str, str]:
     """Returns the metadata by which a caller says who it is. A key that is given twice counts with all its values."""
     found: dict[str, str] = {}
     for key, value in call.metadata:

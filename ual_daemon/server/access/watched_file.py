@@ -42,7 +42,7 @@ class WatchedFile(Generic[T]):
         self._parse = parse
         self._forbidden = (stat.S_IRWXO | stat.S_IWGRP) if is_secret else (stat.S_IWOTH | stat.S_IWGRP)
         self._look_s = look_s
-        self._signature = self._look()
+        self._signature = self._read_signature()
         self._value = self._read()
         self._next_look_s = time.monotonic() + look_s
 
@@ -52,7 +52,7 @@ class WatchedFile(Generic[T]):
         now_s = time.monotonic()
         if now_s >= self._next_look_s:
             self._next_look_s = now_s + self._look_s
-            signature = self._look()
+            signature = self._read_signature()
             if signature != self._signature:
                 self._signature = signature
                 self._read_again()
@@ -66,7 +66,7 @@ class WatchedFile(Generic[T]):
         else:
             logs.event(_log, logging.INFO, "read_again", setting=self._setting, file=self._path)
 
-    def _look(self) -> tuple[int, ...] | None:
+    def _read_signature(self) -> tuple[int, ...] | None:
         try:
             found = self._path.stat()
         except OSError:

@@ -61,7 +61,7 @@ class Verified:
     losses: tuple[str, ...] = ()
 
 
-def line(entry: dict[str, Any], previous: str) -> tuple[bytes, str]:
+def encoded_entry(entry: dict[str, Any], previous: str) -> tuple[bytes, str]:
     """Returns an entry as a line, without its end, and its hash. `previous` is the hash of the line before."""
     body = json.dumps(entry, allow_nan=False, separators=(",", ":")).encode()
     digest = _digest(body, previous)

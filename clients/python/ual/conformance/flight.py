@@ -17,6 +17,7 @@ from typing import TypeVar
 from ual.errors import NotSupportedError, RejectedByAutopilotError, UalError, WrongStateError
 from ual.geometry import Pose, Twist, Vector3, wrap_angle
 from ual.interface import Task, Uav
+from ual.shared.renamed import renamed, renamed_property
 from ual.simulation import SimulationPart
 from ual.types import State, TaskStatus, Telemetry
 
@@ -75,11 +76,13 @@ class Tolerances:
     patience: float = 3.0
 
     @property
-    def way_m(self) -> float:
+    def drift_m(self) -> float:
         """Distance in metres from a path, or beyond it, at which the UAV may end if nothing held its position
         meanwhile.
         """
         return self.position_m + self.wander_m
+
+    way_m = renamed_property(drift_m, "Tolerances.way_m")
 
     @classmethod
     def of_simulation(cls) -> Tolerances:
@@ -238,9 +241,11 @@ class Flight:
     # Bringing it to where a check starts
 
     @property
-    def place(self) -> Vector3:
+    def ground(self) -> Vector3:
         """The ground where it took off."""
         return self._place
+
+    place = renamed_property(ground, "Flight.place")
 
     @property
     def start(self) -> Pose:
@@ -347,14 +352,16 @@ class Flight:
         self.wait_for_state(State.FLYING_AUTO)
 
     def take_off(self) -> None:
-        """Takes off to `start`, and remembers the place."""
-        self.remember_place()
+        """Takes off to `start`, and remembers the position."""
+        self.remember_position()
         self.uav.take_off(HEIGHT_M)
 
-    def remember_place(self) -> None:
-        """Makes the present position the place that flights stay close to."""
+    def remember_position(self) -> None:
+        """Makes the present position the one that flights stay close to."""
         odometry = self.uav.odometry()
         self._place, self._yaw_rad = odometry.pose.position, odometry.pose.yaw_rad
+
+    remember_place = renamed(remember_position, "Flight.remember_place")
 
     def _ask(self, what: str) -> None:
         if self._ask_operator is None:

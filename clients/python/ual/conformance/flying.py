@@ -44,7 +44,7 @@ def keeps_the_heading(flight: Flight) -> None:
 
 
 @check(_FLYING, capabilities=_POSITION, moves="a turn")
-def turns_the_shortest_way(flight: Flight) -> None:
+def turns_by_the_smaller_angle(flight: Flight) -> None:
     """It turns by the smaller angle: from 160° to -160° it turns over 180°, not over 0°."""
     p = flight.start.position
     to_left, to_right = math.radians(160.0), math.radians(-160.0)
@@ -82,14 +82,14 @@ def goes_to_a_waypoint_ahead(flight: Flight) -> None:
 @check(_FLYING, capabilities=(Capability.GEO,), moves="2 m to the north")
 def goes_to_a_geographic_waypoint(flight: Flight) -> None:
     """It flies to a geographic waypoint, whatever the altitude is measured from."""
-    references = tuple(_altitudes(_place_on_earth(flight)))
+    references = tuple(_altitudes(_position_on_earth(flight)))
     require(bool(references), "the telemetry has no altitude")
     in_map = flight.uav.transform("map", f"{flight.uav.ns}/odom")
     north = in_map.rotation.inverse().rotate(Vector3(0.0, 2.0, 0.0))
     for reference in references:
         flight.return_to_start()
         # Read each time: autopilots correct their home and their geographic position in flight.
-        here, start = _place_on_earth(flight), flight.position()
+        here, start = _position_on_earth(flight), flight.position()
         north_deg, altitude_m = here.latitude_deg + 2.0 / _DEGREE_M, _altitudes(here).get(reference)
         require(altitude_m is not None, f"the altitude above {reference.name} is not known any more")
         assert altitude_m is not None
@@ -129,7 +129,7 @@ def rounds_the_corners_of_a_path(flight: Flight) -> None:
     require(nearest_m <= radius_m + flight.tolerances.position_m, f"it cut the corner by {nearest_m:.2f} m")
     require(not near or min(map(speed, near)) > 0.05, "it stopped at the corner")
     beyond_m = max(position(sample).x for sample in samples) - corner.position.x
-    require(beyond_m <= flight.tolerances.way_m, f"it went {beyond_m:.2f} m beyond the corner")
+    require(beyond_m <= flight.tolerances.drift_m, f"it went {beyond_m:.2f} m beyond the corner")
     flight.require_at(end, "at the end of the path")
 
 
@@ -149,7 +149,7 @@ def holds_a_pose_reference(flight: Flight) -> None:
     flight.require_holds(goal.position, "at the reference")
 
 
-def _place_on_earth(flight: Flight) -> GeoPoint:
+def _position_on_earth(flight: Flight) -> GeoPoint:
     here = flight.uav.telemetry().position_geo
     require(here is not None, "the telemetry has no geographic position")
     assert here is not None
@@ -168,7 +168,7 @@ def _altitudes(here: GeoPoint) -> dict[AltitudeReference, float]:
 CHECKS = (
     goes_straight_to_a_waypoint,
     keeps_the_heading,
-    turns_the_shortest_way,
+    turns_by_the_smaller_angle,
     goes_to_a_waypoint_in_map,
     goes_to_a_waypoint_ahead,
     goes_to_a_geographic_waypoint,

@@ -96,7 +96,7 @@ def home_becomes_the_origin(flight: Flight) -> None:
     require(here.horizontal_norm() <= t.position_m, f"it is at {here.x:.2f} {here.y:.2f}")
     flight.uav.set_home(set_z=True)
     require(flight.position().norm() <= t.position_m, "its height is not 0")
-    flight.remember_place()
+    flight.remember_position()
 
 
 @check(*LANDED, capabilities=(Capability.EXTERNAL_POSE,))
@@ -123,7 +123,7 @@ def bad_poses_from_outside_are_refused(flight: Flight) -> None:
 @check(State.LANDED_ARMED, capabilities=_TAKE_OFF, moves=f"straight up to {HEIGHT_M:g} m")
 def takes_off(flight: Flight) -> None:
     """A take-off has the state TAKING_OFF, climbs straight to its height and ends there in FLYING_AUTO."""
-    flight.remember_place()
+    flight.remember_position()
     with flight.recording() as recorded:
         task = flight.uav.take_off(HEIGHT_M)
         samples = recorded()
@@ -131,12 +131,12 @@ def takes_off(flight: Flight) -> None:
     require(info.kind is TaskKind.TAKE_OFF and info.status is TaskStatus.SUCCEEDED, f"the task is {info}")
     require(any(sample.state is State.TAKING_OFF for sample in samples), "TAKING_OFF was not seen")
     end = flight.wait_for_state(State.FLYING_AUTO)
-    climbed = position(end) - flight.place
+    climbed = position(end) - flight.ground
     allowed_m = max(0.1, 0.05 * HEIGHT_M) + flight.tolerances.position_m
     require(abs(climbed.z - HEIGHT_M) <= allowed_m, f"it is {climbed.z:.2f} m up")
     require(climbed.horizontal_norm() <= 2 * flight.tolerances.position_m, "it did not climb straight")
     require(speed(end) <= 2 * flight.tolerances.speed_m_s, "it is not slow")
-    highest_m = max(position(sample).z for sample in samples) - flight.place.z
+    highest_m = max(position(sample).z for sample in samples) - flight.ground.z
     require(highest_m <= CEILING_M, f"it climbed to {highest_m:.2f} m")
 
 
@@ -146,7 +146,7 @@ def a_take_off_is_not_aborted(flight: Flight) -> None:
     where there is none, a cancel.
     """
     uav = flight.uav
-    flight.remember_place()
+    flight.remember_position()
     task = uav.take_off(HEIGHT_M, blocking=False)
     flight.wait_for_state(State.TAKING_OFF)
     ends = ((task.cancel, "cancelling a take-off"), (uav.abort, "aborting in a take-off"))

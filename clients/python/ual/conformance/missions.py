@@ -19,7 +19,7 @@ _HOLD_S = 3.0
 
 
 @check(_FLYING, capabilities=_POSITION, moves="4 m ahead, with a pause")
-def a_paused_task_holds_on_its_way_and_goes_on(flight: Flight) -> None:
+def a_paused_task_holds_and_goes_on(flight: Flight) -> None:
     """A pause stops the UAV on its way, and the task still runs; after a resume it flies the rest."""
     uav, goal, start = flight.uav, flight.goal(_AHEAD_M, 0.0), flight.position()
     with flight.recording() as recorded:
@@ -114,8 +114,9 @@ def returns_home_and_lands(flight: Flight) -> None:
     allowed_m = 1.0 + 2 * flight.tolerances.position_m
     flown_m = (flight.position() - begun).horizontal_norm()
     require(flown_m <= way_m + allowed_m, f"it landed {flown_m:.2f} m from where it was, the way was {way_m:.2f} m")
-    if abs(way_m - _AWAY_M) <= 1.0 + 2 * flight.tolerances.way_m:  # else home is where it took off before these checks
-        off_m = (flight.position() - flight.place).horizontal_norm()
+    # Else home is the position where it took off before these checks.
+    if abs(way_m - _AWAY_M) <= 1.0 + 2 * flight.tolerances.drift_m:
+        off_m = (flight.position() - flight.ground).horizontal_norm()
         require(off_m <= allowed_m, f"it landed {off_m:.2f} m from where it took off")
 
 
@@ -138,7 +139,7 @@ def _is_paused(sample: Telemetry) -> bool:
 
 
 CHECKS = (
-    a_paused_task_holds_on_its_way_and_goes_on,
+    a_paused_task_holds_and_goes_on,
     a_paused_task_can_be_ended,
     holds_at_a_waypoint,
     returns_home_and_lands,

@@ -77,9 +77,9 @@ def lands(flight: Flight) -> None:
         flight.wait_for_state(*_LANDED)
         samples = recorded()
     require(any(sample.state is State.LANDING for sample in samples), "LANDING was not seen")
-    aside_m = (flight.position() - flight.place).horizontal_norm()
+    aside_m = (flight.position() - flight.ground).horizontal_norm()
     require(aside_m <= 3 * flight.tolerances.position_m, f"it landed {aside_m:.2f} m aside")
-    height_m = abs(flight.position().z - flight.place.z)
+    height_m = abs(flight.position().z - flight.ground.z)
     require(height_m <= 2 * flight.tolerances.position_m, f"it landed at a height of {height_m:.2f} m")
 
 

@@ -100,7 +100,7 @@ def frames_form_a_tree(flight: Flight) -> None:
 
 
 @check(*READY)
-def the_geofence_is_told(flight: Flight) -> None:
+def the_geofence_is_reported(flight: Flight) -> None:
     """The geofence is reported in `map`, and makes sense."""
     fence = flight.uav.geofence()
     require(fence.frame_id == "map", f"the geofence is in {fence.frame_id}")
@@ -184,7 +184,7 @@ CHECKS = (
     a_slow_rate_leaves_out_samples,
     members_agree_with_telemetry,
     frames_form_a_tree,
-    the_geofence_is_told,
+    the_geofence_is_reported,
     a_new_frame_can_be_used,
     bad_frames_are_refused,
     an_unknown_task_is_refused,

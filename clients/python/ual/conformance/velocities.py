@@ -34,7 +34,7 @@ def flies_a_velocity_and_stops_without(flight: Flight) -> None:
     off_m_s = (mean(map(velocity, steady)) - wanted).norm()
     require(off_m_s <= t.speed_m_s, f"the velocity is {off_m_s:.2f} m/s off")
     aside_m = abs(position(last).y - start.y)
-    require(aside_m <= t.way_m, f"it went {aside_m:.2f} m aside")
+    require(aside_m <= t.drift_m, f"it went {aside_m:.2f} m aside")
     stopped = flight.wait(flight.is_slow, "stop without a new velocity", 5.0)
     brake_s = _SPEED_M_S / flight.info.limits.horizontal_acceleration_m_s2
     took_s, allowed_s = stopped.stamp_s - last.stamp_s, t.patience * (_WATCHDOG_S + brake_s) + 0.5
@@ -56,7 +56,7 @@ def a_velocity_of_the_body_turns_with_it(flight: Flight) -> None:
     )
     moved = position(last) - start
     aside_m = (moved - ahead * moved.dot(ahead)).norm()
-    require(aside_m <= flight.tolerances.way_m, f"it went {aside_m:.2f} m aside")
+    require(aside_m <= flight.tolerances.drift_m, f"it went {aside_m:.2f} m aside")
     flight.stop()
 
 
@@ -73,7 +73,7 @@ def turns_with_a_rate(flight: Flight) -> None:
     )
     flight.stop()
     moved_m = (flight.position() - start).norm()
-    require(moved_m <= flight.tolerances.way_m, f"it left its position by {moved_m:.2f} m")
+    require(moved_m <= flight.tolerances.drift_m, f"it left its position by {moved_m:.2f} m")
 
 
 @check(_FLYING, capabilities=_VELOCITY, moves="5 m aside")
@@ -96,7 +96,7 @@ def scales_a_velocity_down(flight: Flight) -> None:
     require(fastest_m_s <= allowed_m_s, f"it flew {fastest_m_s:.2f} m/s, its limit is {limit_m_s:g}")
     moved = position(samples[-1]) - start
     aside_m = (moved - direction * moved.dot(direction)).norm()
-    require(aside_m <= t.way_m, f"it went {aside_m:.2f} m aside")
+    require(aside_m <= t.drift_m, f"it went {aside_m:.2f} m aside")
 
 
 CHECKS = (

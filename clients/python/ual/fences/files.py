@@ -20,7 +20,7 @@ from ual.errors import InvalidArgumentError
 from ual.fences.values import FencePlan, FenceZone, RallyPoint
 from ual.shared import strict_json
 from ual.shared.numbers import parse_number, shown
-from ual.shared.text import lines_of, read_text
+from ual.shared.text import read_text, rows_of
 from ual.types import AltitudeReference
 
 T = TypeVar("T")
@@ -82,14 +82,14 @@ def parse(text: str, name: str) -> FencePlan:
 def _parsed(text: str, ending: str) -> FencePlan:
     if text.lstrip().startswith("{"):
         return _of_plan(text)
-    lines = [(number, line.split()) for number, line in enumerate(lines_of(text), 1) if _has_content(line)]
+    lines = [(number, line.split()) for number, line in enumerate(rows_of(text), 1) if _has_content(line)]
     first = lines[0][1] if lines else []
     if first[:2] == _HEADER[:2]:
         return _of_items(first, lines[1:])
     if ending == ".ral" or (first[:1] and first[0].lower() == _RALLY_WORD):
-        return _of_rally_lines(lines)
+        return _of_rally_points(lines)
     if ending == ".fen" or (len(first) == 2 and all(map(_is_number, first))):
-        return _of_corner_lines(lines)
+        return _of_corners(lines)
     raise ValueError(_NO_FORMAT)
 
 
@@ -133,7 +133,7 @@ def _of_plan(text: str) -> FencePlan:
     zones = [*_each(fence, "polygons", _polygon), *_each(fence, "circles", _circle)]
     if old := tuple(_each(fence, "polygon", _pair)):
         zones.insert(0, FenceZone(True, old))
-    heights = list(_each(rally, "points", _rally_place))
+    heights = list(_each(rally, "points", _rally_point))
     return FencePlan(tuple(zones), tuple(map(_rounded, heights)), tuple(_left_out(document, fence, heights)))
 
 
@@ -201,7 +201,7 @@ def _pair(place: Sequence[Any]) -> tuple[float, float]:
     return _corner(*_numbers(place, 2, "[LATITUDE, LONGITUDE]"))
 
 
-def _rally_place(point: Sequence[Any]) -> tuple[float, float, float]:
+def _rally_point(point: Sequence[Any]) -> tuple[float, float, float]:
     """Returns latitude, longitude and height; QGroundControl has the heights above home."""
     latitude_deg, longitude_deg, height_m = _numbers(point, 3, "[LATITUDE, LONGITUDE, HEIGHT]")
     return *_corner(latitude_deg, longitude_deg), height_m
@@ -269,7 +269,7 @@ class _Item:
 def _item(fields: list[str], number: int) -> _Item:
     if len(fields) != _COLUMNS:
         raise ValueError(f"line {number}: it has {len(fields)} columns, not {_COLUMNS}")
-    return _on_line(number, fields, lambda each: _Item([parse_number(field) for field in each], number))
+    return _converted(number, fields, lambda each: _Item([parse_number(field) for field in each], number))
 
 
 def _rally_item(item: _Item) -> RallyPoint:
@@ -302,9 +302,9 @@ def _zones(items: Sequence[_Item]) -> Iterator[FenceZone]:
 # --- Lines ------------------------------------------------------------------------------------------------------------
 
 
-def _of_corner_lines(lines: Sequence[tuple[int, list[str]]]) -> FencePlan:
+def _of_corners(lines: Sequence[tuple[int, list[str]]]) -> FencePlan:
     """Reads a ``.fen``: the point to return to, then the corners, of which the last may be the first one again."""
-    places = [_on_line(number, fields, _corner_fields) for number, fields in lines]
+    places = [_converted(number, fields, _corner_fields) for number, fields in lines]
     if not places:
         return FencePlan(())
     back, *corners = places
@@ -320,13 +320,13 @@ def _of_corner_lines(lines: Sequence[tuple[int, list[str]]]) -> FencePlan:
     return FencePlan((zone,), (), (f"line {lines[0][0]}: {_LEFT_OUT[5000]}",))
 
 
-def _of_rally_lines(lines: Sequence[tuple[int, list[str]]]) -> FencePlan:
-    places = [(number, _on_line(number, fields, _rally_fields)) for number, fields in lines]
+def _of_rally_points(lines: Sequence[tuple[int, list[str]]]) -> FencePlan:
+    places = [(number, _converted(number, fields, _rally_fields)) for number, fields in lines]
     left_out = [each for number, place in places for each in _about_rounding(f"line {number}", place[2])]
     return FencePlan((), tuple(_rounded(place) for _, place in places), tuple(left_out))
 
 
-def _on_line(number: int, fields: list[str], convert: Callable[[list[str]], T]) -> T:
+def _converted(number: int, fields: list[str], convert: Callable[[list[str]], T]) -> T:
     try:
         return convert(fields)
     except ValueError as error:

@@ -48,7 +48,7 @@ def write(image: cameras.Image, camera: str, exif: Image.Exif) -> None:
     if image.intrinsics is not None:
         _write_focal_length(image.intrinsics, details)
     if image.position_geo is not None:
-        _write_place(image.position_geo, taken, exif.get_ifd(ExifTags.IFD.GPSInfo))
+        _write_position(image.position_geo, taken, exif.get_ifd(ExifTags.IFD.GPSInfo))
     if image.camera is not None:
         _write_direction(angles(image.camera.pose.orientation), exif.get_ifd(ExifTags.IFD.GPSInfo))
 
@@ -64,7 +64,7 @@ def _write_focal_length(lens: cameras.CameraIntrinsics, details: dict[int, objec
     details[_BASE.FocalPlaneResolutionUnit] = _CM
 
 
-def _write_place(place: GeoPoint, taken: datetime, gps: dict[int, object]) -> None:
+def _write_position(place: GeoPoint, taken: datetime, gps: dict[int, object]) -> None:
     gps[_GPS.GPSVersionID] = b"\x02\x03\x00\x00"
     gps[_GPS.GPSMapDatum] = "WGS-84"
     gps[_GPS.GPSLatitudeRef] = "S" if place.latitude_deg < 0.0 else "N"

@@ -93,7 +93,7 @@ class Mapper:
         if self.question is None:
             return
         if not self._is_at_rest(state):
-            self._look(state)
+            self._compare_with_rest(state)
         elif self._seen != _MovedControls():
             seen, self._seen = self._seen, _MovedControls()
             self._answer(self.question.target, seen)
@@ -119,7 +119,7 @@ class Mapper:
             abs(value - rest) < _AT_REST for value, rest in zip(state.axes, self._rest.axes, strict=True)
         )
 
-    def _look(self, state: RawState) -> None:
+    def _compare_with_rest(self, state: RawState) -> None:
         for number, (value, rest) in enumerate(zip(state.axes, self._rest.axes, strict=True)):
             if abs(value - rest) > abs(self._seen.extremes.get(number, rest) - rest):
                 self._seen.extremes[number] = value

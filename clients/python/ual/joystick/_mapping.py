@@ -12,7 +12,7 @@ from pathlib import Path
 from ual.joystick._errors import MappingError
 from ual.joystick._state import Axis, Button
 from ual.shared import whole_file
-from ual.shared.text import decoded, lines_of
+from ual.shared.text import decoded, rows_of
 
 _GUID = re.compile(r"[0-9a-f]{32}")
 _BINDING = re.compile(r"[+-]?a\d+~?|b\d+|h\d+\.[1248]")
@@ -85,15 +85,15 @@ def read_mappings(directory: Path) -> list[str]:
         MappingError: A file cannot be read, or a line is no mapping.
 
     """
-    return [line for file in sorted(directory.glob("*.txt")) for line in _lines(file)]
+    return [line for file in sorted(directory.glob("*.txt")) for line in _rows(file)]
 
 
-def _lines(file: Path) -> Iterable[str]:
+def _rows(file: Path) -> Iterable[str]:
     try:
         text = decoded(file.read_bytes())
     except (OSError, ValueError) as error:
         raise MappingError(f"{file} cannot be read: {error}") from None
-    for number, line in enumerate(lines_of(text), 1):
+    for number, line in enumerate(rows_of(text), 1):
         if line.strip() and not line.startswith("#"):
             _check(line.strip(), f"{file}, line {number}")
             yield line.strip()

@@ -112,7 +112,7 @@ def _number(value: Any, name: str, least: float, most: float, *, above: bool = F
         yield f"{name}: {value:.12g} is out of range ({'above' if above else 'from'} {least:g} to {most:g})"
 
 
-def _place(item: Any) -> Iterator[str]:  # noqa: ANN401  one that has a place
+def _position(item: Any) -> Iterator[str]:  # noqa: ANN401  one that has a place
     yield from _number(item.latitude_deg, "latitude_deg", -90.0, 90.0)
     yield from _number(item.longitude_deg, "longitude_deg", -180.0, 180.0)
     if abs(item.latitude_deg) < _NOWHERE_DEG and abs(item.longitude_deg) < _NOWHERE_DEG:
@@ -132,11 +132,11 @@ def _take_off(item: TakeOff) -> Iterator[str]:
     if (item.latitude_deg is None) != (item.longitude_deg is None):
         yield "it has only one of latitude and longitude"
     if item.latitude_deg is not None:
-        yield from _place(item)
+        yield from _position(item)
 
 
 def _waypoint(item: Waypoint) -> Iterator[str]:
-    yield from _place(item)
+    yield from _position(item)
     yield from _altitude(item)
     yield from _number(item.hold_s, "hold_s", 0.0, MOST_HOLD_S)
     if item.accept_radius_m is not None:
@@ -150,7 +150,7 @@ def _yaw(item: Any) -> Iterator[str]:  # noqa: ANN401  one that has a heading
 
 
 def _interest(item: RegionOfInterest) -> Iterator[str]:
-    yield from _place(item)
+    yield from _position(item)
     yield from _altitude(item)
 
 
@@ -183,7 +183,7 @@ _FAULTS: dict[type[Any], Callable[[Any], Iterator[str]]] = {
     RegionOfInterest: _interest,
     CameraTrigger: _camera,
     RegionOfInterestEnd: _nothing,
-    Land: _place,
+    Land: _position,
     ReturnToLaunch: _nothing,
     Jump: _jump,
     OtherItem: lambda item: iter((item.text,)),

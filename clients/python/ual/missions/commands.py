@@ -171,7 +171,7 @@ class _MissionReader:
             raise FaultError(_frame(item), item.where)
         if not self._is_placed(item) and self._firmware is not Firmware.ARDUPILOT:
             raise FaultError("it has no position: give it one, or return to launch", item.where)
-        latitude_deg, longitude_deg = self._place(item)
+        latitude_deg, longitude_deg = self._item_position(item)
         return neutral.Land(latitude_deg, longitude_deg, number=item.number)
 
     def _take_off(self, item: FileItem) -> neutral.TakeOff:
@@ -181,7 +181,7 @@ class _MissionReader:
             raise FaultError(_frame(item), item.where)
         if not self._is_placed(item):
             return neutral.TakeOff(altitude_m, above, number=item.number)
-        place = self._place(item)
+        place = self._item_position(item)
         if self._home is not None and _is_near(place, self._home):
             return neutral.TakeOff(altitude_m, above, number=item.number)
         if self._firmware is Firmware.ARDUPILOT:
@@ -250,12 +250,12 @@ class _MissionReader:
         """
         begun = self._is_begun_by_interval
         is_other = bool(begun) and begun[-1] is not by_interval
-        if is_other and (by_interval in begun or not self._is_beside_stop(item, by_interval=not by_interval)):
+        if is_other and (by_interval in begun or not self._is_next_to_stop(item, by_interval=not by_interval)):
             ended, lasts = ("time", "distance") if by_interval else ("distance", "time")
             raise FaultError(f"it ends a trigger by {ended}, but one by {lasts} was begun last", item.where)
         return CameraTrigger(CameraAction.STOP, number=item.number)
 
-    def _is_beside_stop(self, item: FileItem, *, by_interval: bool) -> bool:
+    def _is_next_to_stop(self, item: FileItem, *, by_interval: bool) -> bool:
         at = next(index for index, each in enumerate(self._found) if each is item)
         beside = self._found[max(0, at - 1) : at + 2]
         if by_interval:
@@ -289,7 +289,7 @@ class _MissionReader:
         altitude_m = _json.number(item.params[6], "its altitude", item.where)
         if altitude_m == 0.0 and self._firmware is Firmware.ARDUPILOT and item.command in _STAYING:
             altitude_m = self._altitude_before(item, above)
-        return *self._place(item), altitude_m, above
+        return *self._item_position(item), altitude_m, above
 
     def _altitude_before(self, item: FileItem, above: AltitudeReference) -> float:
         """Returns the altitude of the item before, which is what ArduPilot reads in an altitude of 0."""
@@ -299,7 +299,7 @@ class _MissionReader:
             raise FaultError(text, item.where)
         return before.altitude_m
 
-    def _place_before(self, item: FileItem) -> Place:
+    def _position_before(self, item: FileItem) -> Place:
         """Returns where the item before leads, which is what ArduPilot reads in latitude 0, longitude 0."""
         before = self._item_before(item)
         if before is None or before.latitude_deg is None or before.longitude_deg is None:
@@ -314,9 +314,9 @@ class _MissionReader:
     def _is_placed(self, item: FileItem) -> bool:
         return item.params[4] not in _NOT_GIVEN or item.params[5] not in _NOT_GIVEN
 
-    def _place(self, item: FileItem) -> Place:
+    def _item_position(self, item: FileItem) -> Place:
         if self._firmware is Firmware.ARDUPILOT and item.command in _STAYING and not self._is_placed(item):
-            return self._place_before(item)
+            return self._position_before(item)
         if item.params[4] is None or item.params[5] is None:
             raise FaultError("it has no position (null): give it one, or delete it", item.where)
         latitude_deg, longitude_deg = (_json.number(item.params[i], f"parameter {i + 1}", item.where) for i in (4, 5))

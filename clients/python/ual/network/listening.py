@@ -261,14 +261,14 @@ class Network:
         """Asks who is there where signs of life and reports contradict each other."""
         links, pauses = LostLinks(self._session.info.links), _Pauses()
         while not self._closing.wait(_ASK_S):
-            self._guard.contain(partial(self._look, links, pauses))
+            self._guard.contain(partial(self._poll, links, pauses))
         close_session(self._session)
 
-    def _look(self, links: LostLinks, pauses: _Pauses) -> None:
-        links.look()
+    def _poll(self, links: LostLinks, pauses: _Pauses) -> None:
+        links.keep()
         now_s = time.monotonic()
         with self._changed:
-            if self._roster.look(now_s):
+            if self._roster.update(now_s):
                 self._changed.notify_all()
             doubtful = self._roster.doubtful(now_s)
         if asked := pauses.due(doubtful, now_s):

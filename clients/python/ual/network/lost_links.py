@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Protocol
 
 from ual.network.configuration import LEASE_MS
+from ual.shared.renamed import renamed
 
 _DESCRIPTORS = Path("/proc/self/fd")
 _LOCATOR = re.compile(r"(?:tcp|tls)/\[?([^\]/]+?)\]?:([0-9]+)(?:[?#].*)?")
@@ -42,7 +43,7 @@ def option() -> int | None:
 
 
 class LostLinks:
-    """Sees to the connections of a session. `look` is to be called again and again, on one thread.
+    """Sees to the connections of a session. `keep` is to be called again and again, on one thread.
 
     Args:
         links: Returns the connections that there are now.
@@ -54,7 +55,7 @@ class LostLinks:
         self._option = option()
         self._known: set[_Ends] = set()
 
-    def look(self) -> None:
+    def keep(self) -> None:
         """Sets the option of connections that are new."""
         if self._option is None:
             return
@@ -62,6 +63,8 @@ class LostLinks:
         if new := now - self._known:
             _limit(new, self._option)
         self._known = now
+
+    look = renamed(keep, "LostLinks.look")
 
 
 def own_sockets() -> Iterator[socket.socket]:

@@ -39,7 +39,7 @@ class Publication:
 
     def put(self, report: Report) -> None:
         """Tells. What cannot be sent at once is dropped: the next report is newer."""
-        self._links.look()
+        self._links.keep()
         self._session.put(
             self._key,
             wire.report_to_bytes(report),

@@ -14,6 +14,7 @@ from ual.discovery import natural_order
 from ual.network import keys
 from ual.network.keys import Source
 from ual.network.values import NetworkUav, Report, Teller, UavReport, old_after_s
+from ual.shared.renamed import renamed
 
 KEEP_GONE_S = 600.0
 """Seconds for which a UAV is kept after its daemon is gone: it may still be in the air."""
@@ -56,20 +57,20 @@ class _RosterProcess:
         return self.unheard_s if self.gone_s is None else self.gone_s
 
     @property
-    def has_told(self) -> bool:
+    def has_reported_all(self) -> bool:
         """Whether it has told of all its UAVs."""
         return self.teller is not None and len(self.uavs) >= min(self.teller.uav_count, MOST_UAVS)
 
     def is_awaited(self, now_s: float) -> bool:
         """Returns whether it is there, and has had no time yet to tell of all its UAVs."""
-        return self.gone_s is None and not self.has_told and now_s - self.since_s < MUTE_S
+        return self.gone_s is None and not self.has_reported_all and now_s - self.since_s < MUTE_S
 
     def is_silent(self, now_s: float) -> bool:
         """Returns whether it is said to be there, but tells nothing any more."""
         teller = self.teller
         return self.absent_s is None and teller is not None and now_s - self.heard_s > old_after_s(teller.rate_hz)
 
-    def look(self, now_s: float) -> bool:
+    def update(self, now_s: float) -> bool:
         """Takes note of the time. Returns whether it has become gone by it."""
         if self.absent_s is not None or self.teller is None:
             return False
@@ -147,9 +148,11 @@ class Roster:
             elif uav.ns in process.uavs or len(process.uavs) < MOST_UAVS:
                 process.uavs[uav.ns] = _RosterReport(uav, now_s)
 
-    def look(self, now_s: float) -> bool:
+    def update(self, now_s: float) -> bool:
         """Takes note of the time. Returns whether a process has become gone by it, because it tells nothing."""
-        return [source for source, process in self._all() if process.look(now_s)] != []
+        return [source for source, process in self._all() if process.update(now_s)] != []
+
+    look = renamed(update, "Roster.look")
 
     def _note_unannounced(self, source: Source) -> None:
         if source.publisher in self._unannounced or len(self._unannounced) < MOST_PUBLISHERS:
@@ -209,7 +212,11 @@ class Roster:
 
     def unseen(self) -> tuple[str, ...]:
         """Returns what is there and not shown, human-readable; empty where all that is there has told of its UAVs."""
-        mute = {source.publisher for source, process in self._all() if process.gone_s is None and not process.has_told}
+        mute = {
+            source.publisher
+            for source, process in self._all()
+            if process.gone_s is None and not process.has_reported_all
+        }
         named = sorted(mute, key=natural_order)[:_MOST_NAMED]
         told = [f"{each} shows a sign of life, and has not told of all its UAVs" for each in named]
         return (*told, f"so do {len(mute) - len(named)} more") if len(mute) > len(named) else tuple(told)
@@ -252,13 +259,13 @@ def _of_one_name(found: Iterable[NetworkUav]) -> list[NetworkUav]:
     """Returns those that are there, as contested if they are several; else the one that was there last."""
     by_age = sorted(found, key=lambda each: each.teller.started_s)
     # A daemon that was started again at the same place is the same UAV, though the one before still counts as there.
-    present = list({_place(each): each for each in by_age if each.gone_s is None}.values())
+    present = list({_source_of(each): each for each in by_age if each.gone_s is None}.values())
     if len(present) > 1:
         return [_contested(each) for each in present]
     return present or sorted(by_age, key=lambda each: each.gone_s or 0.0)[-1:]
 
 
-def _place(uav: NetworkUav) -> tuple[object, ...]:
+def _source_of(uav: NetworkUav) -> tuple[object, ...]:
     return uav.publisher, uav.teller.computer_id, uav.addresses
 
 

@@ -17,6 +17,7 @@ from ual.network import configuration
 from ual.network.lost_links import LostLinks
 from ual.network.settings import NetworkSettings
 from ual.shared import extras
+from ual.shared.renamed import renamed
 
 if TYPE_CHECKING:
     import zenoh
@@ -174,12 +175,14 @@ class RouterSession:
     def run(self) -> None:
         """Runs until it is interrupted."""
         while True:
-            self.look()
+            self.keep_links()
             time.sleep(_LOOK_S)
 
-    def look(self) -> None:
+    def keep_links(self) -> None:
         """Sees to it that connections without an answer end; to be called again and again."""
-        self._links.look()
+        self._links.keep()
+
+    look = renamed(keep_links, "RouterSession.look")
 
     def __enter__(self) -> Self:
         return self

@@ -18,7 +18,7 @@ from ual.errors import InvalidArgumentError
 from ual.parameters.values import Parameter, ParameterType, is_equal, is_same
 from ual.shared import whole_file
 from ual.shared.numbers import parse_number, shown
-from ual.shared.text import lines_of, read_text
+from ual.shared.text import read_text, rows_of
 
 QGC_ENDING = ".params"
 ENDINGS = (QGC_ENDING, ".param", ".parm")
@@ -106,7 +106,7 @@ def read(path: Path) -> FileValues:
     except ValueError as error:
         raise InvalidArgumentError(f"{path}: {error}", {"field": "file"}) from None
     found = _Found()
-    for number, line in enumerate(lines_of(text), 1):
+    for number, line in enumerate(rows_of(text), 1):
         try:
             found.take(line.partition("#")[0].strip())
         except ValueError as error:

@@ -92,8 +92,8 @@ class PayloadRecorder:
 
     def start(self) -> None:
         """Begins."""
-        self._begin(self._look_for_gimbals, _LOOK_S)
-        self._begin(self._look_at_equipment, _EQUIPMENT_S)
+        self._begin(self._watch_new_gimbals, _LOOK_S)
+        self._begin(self._record_equipment, _EQUIPMENT_S)
 
     def close(self, limit_s: float = 3.0) -> None:
         """Ends, once what is asked has been answered, or after a limit."""
@@ -124,7 +124,7 @@ class PayloadRecorder:
 
     # --- Gimbals ------------------------------------------------------------------------------------------------------
 
-    def _look_for_gimbals(self) -> bool:
+    def _watch_new_gimbals(self) -> bool:
         """Begins to watch those that are new."""
         for info in self._gimbals.get_all():
             if info.number not in self._watched:
@@ -134,7 +134,7 @@ class PayloadRecorder:
 
     def _watch(self, info: GimbalInfo, topic: GimbalTopic) -> bool:
         """Records where a gimbal looks, until it does not answer."""
-        place = self._place(info.frame_id)
+        place = self._position(info.frame_id)
         if place is None:
             return True
         for status in self._gimbals[info.number].watch(_RATE_HZ):
@@ -145,7 +145,7 @@ class PayloadRecorder:
                 return False
         return True
 
-    def _place(self, frame_id: str) -> Vector3 | None:
+    def _position(self, frame_id: str) -> Vector3 | None:
         """Returns where a gimbal is in the body; None while that is not told, as it does not say where it looks."""
         found = {each.frame_id: each.transform for each in self._frames()}
         transform = found.get(frame_id)
@@ -153,7 +153,7 @@ class PayloadRecorder:
 
     # --- Grippers, winches, servos, relays ----------------------------------------------------------------------------
 
-    def _look_at_equipment(self) -> bool:
+    def _record_equipment(self) -> bool:
         """Records the states, if they have changed.
 
         Where there are none it asks again: the daemon may be started anew, with others in its configuration.

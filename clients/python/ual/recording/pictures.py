@@ -123,10 +123,10 @@ class PictureRecorder:
 
     def _run(self) -> None:
         while not self._closing.wait(_LOOK_S):
-            self._try(self._look)
-        self._try(self._look)  # what was taken meanwhile is told, without its bytes
+            self._try(self._poll)
+        self._try(self._poll)  # what was taken meanwhile is told, without its bytes
 
-    def _look(self) -> None:
+    def _poll(self) -> None:
         for info in self._cameras.get_all():
             for photo in self._new[info.number].of(self._cameras[info.number]):
                 self._record(info.number, photo, has_bytes=CameraAbility.IMAGE in info.abilities)

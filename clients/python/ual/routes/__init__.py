@@ -15,7 +15,8 @@ from ual.routes._kml import parse_kml
 from ual.routes._plan import parse_plan
 from ual.routes._points import Heights
 from ual.routes._route import FaultError, Route, RouteError, naming
-from ual.routes._text import BareAngleError, parse_angle, parse_lines, parse_list, parse_waypoint
+from ual.routes._text import BareAngleError, parse_angle, parse_list, parse_waypoint, parse_waypoints
+from ual.shared.renamed import renamed
 from ual.shared.text import decoded
 from ual.types import AltitudeReference
 
@@ -30,8 +31,11 @@ __all__ = [
     "parse_list",
     "parse_plan",
     "parse_waypoint",
+    "parse_waypoints",
     "read",
 ]
+
+parse_lines = renamed(parse_waypoints, "parse_lines")
 
 MOST_BYTES = 20_000_000
 """Most bytes of a file, and of the KML in a KMZ."""
@@ -85,7 +89,7 @@ def parse(
         if len(data) > MOST_BYTES:
             raise FaultError(f"is too large for a route (more than {MOST_BYTES} bytes)")
         text = _text(_kml.unpacked(data, MOST_BYTES) if data.startswith(_ZIP) else data)
-        found = _line_of_places(text, Path(name).suffix.lower(), heights)
+        found = _route_of_points(text, Path(name).suffix.lower(), heights)
         if found is not None:
             return found
         if heights != Heights():
@@ -103,7 +107,7 @@ def _text(data: bytes) -> str:
         raise FaultError(str(error)) from None
 
 
-def _line_of_places(text: str, ending: str, heights: Heights) -> Route | None:
+def _route_of_points(text: str, ending: str, heights: Heights) -> Route | None:
     """Returns the route of a format that only draws lines; None if the text has another one."""
     if text.lstrip().startswith("<") or ending in (".kml", ".gpx"):
         root = _xml.parsed(text)

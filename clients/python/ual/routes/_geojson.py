@@ -34,7 +34,7 @@ def read(document: object, heights: Heights) -> Route:
     line = the_one(finder.lines, "lines (LineString)", others)
     if not isinstance(line, Sequence) or not line:
         raise FaultError("has a line without coordinates")
-    places = [_place(position, f"position {index}") for index, position in enumerate(line, start=1)]
+    places = [_point(position, f"position {index}") for index, position in enumerate(line, start=1)]
     left_out = [others] if others else []
     if any(isinstance(position, list) and len(position) > 3 for position in line):
         left_out.append("what follows the altitude in a position")
@@ -92,7 +92,7 @@ def _require_degrees(shape: Mapping[str, object]) -> None:
         raise FaultError(f"is in the coordinate system {shown(name)}: export it in WGS 84 (EPSG:4326)")
 
 
-def _place(position: object, where: str) -> RoutePoint:
+def _point(position: object, where: str) -> RoutePoint:
     if not isinstance(position, list) or len(position) < 2:
         raise FaultError(f"{shown(position)} is not [LONGITUDE, LATITUDE, ALTITUDE]", where)
     longitude_deg, latitude_deg = (_json.number(each, "a coordinate", where) for each in position[:2])

@@ -18,7 +18,7 @@ def read(root: _xml.Element, heights: Heights) -> Route:
     waypoints = counted([(len(root.own("wpt")), "waypoint")])
     has = f"{waypoints}, which have no order" if waypoints else ""
     line = the_one(lines, "routes (rte) and segments of tracks (trkseg)", has)
-    places = [_place(point) for point in (*line.own("rtept"), *line.own("trkpt"))]
+    places = [_point(point) for point in (*line.own("rtept"), *line.own("trkpt"))]
     left_out = [waypoints] if waypoints else []
     if line.name == "trkseg":
         left_out.append("the times of the track")
@@ -27,7 +27,7 @@ def read(root: _xml.Element, heights: Heights) -> Route:
     return route(places, None, heights, left_out)
 
 
-def _place(point: _xml.Element) -> RoutePoint:
+def _point(point: _xml.Element) -> RoutePoint:
     where = f"line {point.line}"
     latitude_deg = number(point.attributes.get("lat"), "latitude (lat)", where)
     longitude_deg = number(point.attributes.get("lon"), "longitude (lon)", where)

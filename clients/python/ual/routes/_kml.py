@@ -32,7 +32,7 @@ def parse_kml(text: str, name: str, altitude_m: float | None = None) -> Route:
 
 def read(root: _xml.Element, heights: Heights) -> Route:
     """Reads a document. Raises `FaultError`."""
-    lines = list(_lines(root))
+    lines = list(_tracks(root))
     others = counted([(sum(1 for _ in root.all(tag)), name) for tag, name in _OTHERS])
     line = the_one(lines, "lines (LineString)", others)
     mode = _one(line, "altitudeMode") or "clampToGround"
@@ -41,7 +41,7 @@ def read(root: _xml.Element, heights: Heights) -> Route:
     reference = _ABOVE.get(mode)
     if reference is None and heights.altitude_m is None:
         raise FaultError(f"has a line with altitudeMode {shown(mode)}, which is no height to fly at: {HOW}")
-    places = list(_places(line))
+    places = list(_track_points(line))
     if not places:
         raise FaultError("has a line without coordinates")
     left_out = [others] if others else []
@@ -52,7 +52,7 @@ def read(root: _xml.Element, heights: Heights) -> Route:
     return route(places, reference, heights, left_out)
 
 
-def _lines(root: _xml.Element) -> Iterator[tuple[str, _xml.Element]]:
+def _tracks(root: _xml.Element) -> Iterator[tuple[str, _xml.Element]]:
     """Yields each line with the name of its placemark."""
     named = list(root.all("Placemark"))
     within = {id(line): mark.value("name") for mark in named for line in mark.all("LineString", "Track")}
@@ -68,7 +68,7 @@ def _one(line: _xml.Element, name: str) -> str:
     return texts.pop() if texts else ""
 
 
-def _places(line: _xml.Element) -> Iterator[RoutePoint]:
+def _track_points(line: _xml.Element) -> Iterator[RoutePoint]:
     if line.name == "Track":
         places = [(each.text.split(), each.text) for each in line.own("coord")]
     else:

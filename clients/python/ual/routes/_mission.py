@@ -15,7 +15,7 @@ from enum import Enum
 from ual.geometry import wrap_angle
 from ual.routes import _commands as commands
 from ual.routes import _json
-from ual.routes._route import MOST_HOLD_S, MOST_WAYPOINTS, FaultError, Route, geo_waypoint, is_same_place, listed
+from ual.routes._route import MOST_HOLD_S, MOST_WAYPOINTS, FaultError, Route, geo_waypoint, is_same_position, listed
 from ual.types import AltitudeReference, GeoWaypoint
 
 _ABOVE = {
@@ -135,7 +135,7 @@ class _Flight:
         elif item.command in commands.HARMLESS or _ends_interest(item):
             self._leave_out(item, commands.HARMLESS.get(item.command, commands.HARMLESS[commands.ROI_NONE]))
         else:
-            raise _not_flown(item)
+            raise _unsupported(item)
         if (end := self._end_of(item)) is not None:
             self._require_last(item, index, end)
 
@@ -189,7 +189,7 @@ class _Flight:
     def _add(self, waypoint: GeoWaypoint, hold_s: float, item: RouteItem) -> None:
         """Adds a waypoint. One at the place of the one before is only a longer stay there."""
         before = self._waypoints[-1] if self._waypoints else None
-        if before and is_same_place(before, waypoint) and waypoint.yaw_rad in (None, before.yaw_rad):
+        if before and is_same_position(before, waypoint) and waypoint.yaw_rad in (None, before.yaw_rad):
             self._hold(hold_s, item)
             return
         self._waypoints.append(waypoint)
@@ -288,14 +288,14 @@ def _indices(items: Sequence[RouteItem]) -> Mapping[int, int]:
 
 
 def _ends_interest(item: RouteItem) -> bool:
-    return item.command in (commands.SET_ROI, commands.NAV_ROI) and not any(map(_is_given, item.params))
+    return item.command in (commands.SET_ROI, commands.NAV_ROI) and not any(map(_is_present, item.params))
 
 
-def _is_given(value: object) -> bool:
+def _is_present(value: object) -> bool:
     return value is not None and value != 0.0
 
 
-def _not_flown(item: RouteItem) -> FaultError:
+def _unsupported(item: RouteItem) -> FaultError:
     what = commands.NOT_FLOWN.get(item.command)
     if what is None:
         return FaultError(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
-from ual.routes._route import FaultError, Route, geo_waypoint, is_same_place
+from ual.routes._route import FaultError, Route, geo_waypoint, is_same_position
 from ual.shared.numbers import parse_number, shown
 from ual.types import AltitudeReference, GeoWaypoint
 
@@ -92,6 +92,6 @@ def _waypoints(places: Sequence[RoutePoint], reference: AltitudeReference) -> li
     for place in places:
         altitude_m = 0.0 if place.altitude_m is None else place.altitude_m
         waypoint = geo_waypoint(place.latitude_deg, place.longitude_deg, altitude_m, reference, place.where)
-        if not found or not is_same_place(found[-1], waypoint):
+        if not found or not is_same_position(found[-1], waypoint):
             found.append(waypoint)
     return found

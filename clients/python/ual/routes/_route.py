@@ -79,7 +79,7 @@ def geo_waypoint(
     return GeoWaypoint(latitude_deg, longitude_deg, altitude_m, reference, yaw_rad)
 
 
-def is_same_place(a: GeoWaypoint, b: GeoWaypoint) -> bool:
+def is_same_position(a: GeoWaypoint, b: GeoWaypoint) -> bool:
     """Returns whether two waypoints differ in their headings at most."""
     return (a.latitude_deg, a.longitude_deg, a.altitude_m, a.altitude_reference) == (
         b.latitude_deg,

@@ -9,7 +9,7 @@ from ual.geometry import Pose, PoseStamped, wrap_angle
 from ual.routes import _json
 from ual.routes._route import FaultError, Route, naming
 from ual.shared.numbers import are_commas_decimal, parse_number, shown, with_point
-from ual.shared.text import lines_of
+from ual.shared.text import rows_of
 
 _COLUMNS = (("x", "y", "z"), ("x", "y", "z", "yaw"))
 _KEYS = ("x", "y", "z", "yaw_rad", "frame_id", "hold_s")
@@ -21,23 +21,23 @@ class BareAngleError(ValueError):
     """An angle without a unit is so large that it cannot be meant in radians; the message says what to write."""
 
 
-def parse_lines(text: str, name: str, frame_id: str = "") -> list[PoseStamped]:
+def parse_waypoints(text: str, name: str, frame_id: str = "") -> list[PoseStamped]:
     """Parses one waypoint a line: a JSON object as ``ual waypoints save`` writes it, or ``X,Y,Z[,YAW]``. ``#`` begins a
     comment. Raises `RouteError`.
     """
     with naming(name):
-        return [pose for pose, _ in _lines(lines_of(text), frame_id)]
+        return [pose for pose, _ in _rows(rows_of(text), frame_id)]
 
 
 def parse_list(text: str, name: str, frame_id: str = "") -> Route:
-    """Parses one waypoint a line, as `parse_lines`, with the times to hold there. Raises `RouteError`."""
+    """Parses one waypoint a line, as `parse_waypoints`, with the times to hold there. Raises `RouteError`."""
     with naming(name):
-        found = list(_lines(lines_of(text), frame_id))
+        found = list(_rows(rows_of(text), frame_id))
     holds_s = [hold_s for _, hold_s in found]
     return Route([pose for pose, _ in found], holds_s=holds_s if any(holds_s) else ())
 
 
-def _lines(lines: Iterable[str], frame_id: str) -> Iterator[tuple[PoseStamped, float]]:
+def _rows(lines: Iterable[str], frame_id: str) -> Iterator[tuple[PoseStamped, float]]:
     """Yields each waypoint, and how long to hold there."""
     texts = [line.partition("#")[0].strip() for line in lines]
     is_decimal = are_commas_decimal(field for line in texts if not line.startswith("{") for field in _fields(line))

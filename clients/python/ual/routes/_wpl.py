@@ -13,7 +13,7 @@ from ual.routes import _commands as commands
 from ual.routes._mission import MOST_ITEMS, Firmware, RouteItem, at_most, fly
 from ual.routes._route import FaultError, Route
 from ual.shared.numbers import are_commas_decimal, parse_number, shown, with_point
-from ual.shared.text import lines_of
+from ual.shared.text import rows_of
 
 HEADER = "QGC WPL"
 HOME = "item 0: home"
@@ -32,7 +32,7 @@ def items_of(text: str, most: int = MOST_ITEMS) -> tuple[list[RouteItem], Firmwa
     """Returns the items of a file without its home, for whose autopilot it was made, and whether it has a home.
     Raises `FaultError`, also where there are more than `most` items.
     """
-    lines = [(number, line.strip()) for number, line in enumerate(lines_of(text), start=1) if line.strip()]
+    lines = [(number, line.strip()) for number, line in enumerate(rows_of(text), start=1) if line.strip()]
     header = lines[0][1] if lines else ""
     version = header.removeprefix(HEADER).strip()
     if not header.startswith(HEADER) or version not in _FIRMWARES:

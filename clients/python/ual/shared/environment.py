@@ -77,7 +77,7 @@ def value(name: str) -> str | None:
     return os.environ.get(name) or None
 
 
-def place(address: str | None, network: N | None) -> tuple[str | None, N | str | None]:
+def resolve_target(address: str | None, network: N | None) -> tuple[str | None, N | str | None]:
     """Returns the address at which, or else the network on which, a UAV is looked for; neither: on this computer.
 
     What a program says goes before the environment. An empty text says that neither is meant.

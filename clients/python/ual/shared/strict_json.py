@@ -51,7 +51,7 @@ def parsed(text: str, constant: Callable[[str], object] = NotJson) -> Any:  # no
     except json.JSONDecodeError as error:
         raise JsonError(error.msg, error.lineno) from None
     except _TwoValuesError as error:
-        raise AmbiguousJsonError(f"{shown(error.key)} is given twice", _line_of_second(text, error.key)) from None
+        raise AmbiguousJsonError(f"{shown(error.key)} is given twice", _row_of_second(text, error.key)) from None
 
 
 def require_spelled(values: Mapping[str, object], known: Collection[str]) -> None:
@@ -87,7 +87,7 @@ def _object(pairs: Sequence[tuple[str, object]]) -> dict[str, object]:
     return found
 
 
-def _line_of_second(text: str, key: str) -> int:
+def _row_of_second(text: str, key: str) -> int:
     """Returns the line of the first key of this name that an object has twice."""
     keys: list[set[str]] = []
     before = ""

@@ -112,13 +112,13 @@ def _check(node: yaml.Node, numbers: Iterator[int], path: str = "", above: tuple
     """Refuses what `read` says of nodes. `numbers` counts the values, those of an alias each time."""
     if next(numbers) >= _MOST_NODES:
         message = f"more than {_MOST_NODES} values, those that aliases (*name) repeat included"
-        raise YamlError(message, _line(node))
+        raise YamlError(message, _row_number(node))
     if isinstance(node, yaml.ScalarNode):
         return
     if node in above:
-        raise YamlError(f"{path}: the value contains itself", _line(node))
+        raise YamlError(f"{path}: the value contains itself", _row_number(node))
     if len(above) >= _DEEPEST:
-        raise YamlError("values are nested too deeply", _line(node))
+        raise YamlError("values are nested too deeply", _row_number(node))
     for key, inner in _within(node, path):
         _check(inner, numbers, key, (*above, node))
 
@@ -131,17 +131,17 @@ def _within(node: yaml.Node, path: str) -> Iterator[tuple[str, yaml.Node]]:
         lines: dict[str, int] = {}
         for key, inner in node.value:
             if not isinstance(key, yaml.ScalarNode) or not key.tag.endswith((":str", ":merge")):
-                raise YamlError("a key must be text", _line(key))
+                raise YamlError("a key must be text", _row_number(key))
             name = f"{path}.{key.value}".lstrip(".")
             if key.value in lines:
-                raise YamlError(f"{name}: given twice, first in line {lines[key.value]}", _line(key))
-            lines[key.value] = _line(key)
+                raise YamlError(f"{name}: given twice, first in line {lines[key.value]}", _row_number(key))
+            lines[key.value] = _row_number(key)
             yield name, inner
 
 
 def _unfit(node: yaml.Node) -> YamlError:
     kind = node.tag.rpartition(":")[2]
-    return YamlError(f"{node.value!r:.40} is not a valid {kind}", _line(node))
+    return YamlError(f"{node.value!r:.40} is not a valid {kind}", _row_number(node))
 
 
 def _refused(error: yaml.MarkedYAMLError) -> YamlError:
@@ -149,5 +149,5 @@ def _refused(error: yaml.MarkedYAMLError) -> YamlError:
     return YamlError("; ".join(part for part in (error.context, error.problem) if part), mark.line + 1 if mark else 1)
 
 
-def _line(node: yaml.Node) -> int:
+def _row_number(node: yaml.Node) -> int:
     return int(node.start_mark.line) + 1

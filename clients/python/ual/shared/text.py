@@ -93,6 +93,6 @@ def _declared(data: bytes) -> str:
         return "latin-1"
 
 
-def lines_of(text: str) -> Iterable[str]:
+def rows_of(text: str) -> Iterable[str]:
     """Yields the lines, whatever system wrote them. (`str.splitlines` also splits at characters of other encodings.)"""
     return io.StringIO(text, newline=None)

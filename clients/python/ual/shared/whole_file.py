@@ -62,7 +62,7 @@ def create(path: Path, data: bytes, mode: int = OWN) -> None:
         OSError: It is there, or cannot be written; then it is not there.
 
     """
-    beside = _beside(path)
+    beside = _temporary_path(path)
     with _or_nothing(beside, path):
         _write_new(beside, data, mode, is_durable=True)
         _name_new(beside, path)
@@ -81,7 +81,7 @@ def writing(path: Path) -> Iterator[Path]:
     if target is None:
         yield path
         return
-    beside = _beside(target, target.suffix)
+    beside = _temporary_path(target, target.suffix)
     with _or_nothing(beside, path):
         _write_new(beside, b"", _mode_before(target), is_durable=False)
         yield beside
@@ -105,7 +105,7 @@ def _mode_before(path: Path) -> int | None:
 
 
 def _replace(path: Path, data: bytes, mode: int | None, *, is_durable: bool) -> None:
-    beside = _beside(path)
+    beside = _temporary_path(path)
     with _or_nothing(beside, path):
         _write_new(beside, data, mode, is_durable=is_durable)
         beside.replace(path)
@@ -113,7 +113,7 @@ def _replace(path: Path, data: bytes, mode: int | None, *, is_durable: bool) -> 
             _sync(path.parent)
 
 
-def _beside(path: Path, ending: str = ".tmp") -> Path:
+def _temporary_path(path: Path, ending: str = ".tmp") -> Path:
     """Returns a name that cannot be guessed: other users may write in this directory, too."""
     return path.with_name(f".{path.name[:_LONGEST_NAME]}.{os.urandom(8).hex()}{ending}")
 

@@ -102,7 +102,7 @@ def quaternion_from_proto(message: pb.Quaternion) -> Quaternion:
     return Quaternion(message.x, message.y, message.z, message.w)
 
 
-def _write_place(translation: Vector3, rotation: Quaternion, to: pb.Vector3, turned: pb.Quaternion) -> None:
+def _write_pose(translation: Vector3, rotation: Quaternion, to: pb.Vector3, turned: pb.Quaternion) -> None:
     """Of a pose or a transform. Written out, as are twists: each sample has four, and a call for each costs as much."""
     to.x, to.y, to.z = translation.x, translation.y, translation.z
     turned.x, turned.y, turned.z, turned.w = rotation.x, rotation.y, rotation.z, rotation.w
@@ -110,7 +110,7 @@ def _write_place(translation: Vector3, rotation: Quaternion, to: pb.Vector3, tur
 
 def write_pose(pose: Pose, message: pb.Pose) -> None:
     """Writes a pose into an empty message."""
-    _write_place(pose.position, pose.orientation, message.position, message.orientation)
+    _write_pose(pose.position, pose.orientation, message.position, message.orientation)
 
 
 def write_twist(twist: Twist, message: pb.Twist) -> None:
@@ -126,7 +126,7 @@ def write_transform(transform: Transform, message: pb.Transform) -> None:
     stamp_to_proto(transform.stamp_s, header.stamp)
     header.frame_id = transform.frame_id
     message.child_frame_id = transform.child_frame_id
-    _write_place(transform.translation, transform.rotation, message.translation, message.rotation)
+    _write_pose(transform.translation, transform.rotation, message.translation, message.rotation)
 
 
 def pose_from_proto(message: pb.Pose) -> Pose:

@@ -54,7 +54,7 @@ def item_from_proto(message: pb.MissionItem, field: str = "items") -> Item:
     return _FROM_PROTO[kind](getattr(message, kind), message.number)
 
 
-def _place(latitude_deg: float, longitude_deg: float) -> pb.MissionPlace:
+def _position(latitude_deg: float, longitude_deg: float) -> pb.MissionPlace:
     return pb.MissionPlace(latitude_deg=latitude_deg, longitude_deg=longitude_deg)
 
 
@@ -71,7 +71,7 @@ _REFERENCES = {each.value for each in AltitudeReference}
 
 def _take_off_to_proto(item: TakeOff) -> pb.TakeOffItem:
     has_place = item.latitude_deg is not None and item.longitude_deg is not None
-    place = _place(item.latitude_deg or 0.0, item.longitude_deg or 0.0) if has_place else None
+    place = _position(item.latitude_deg or 0.0, item.longitude_deg or 0.0) if has_place else None
     return pb.TakeOffItem(altitude_m=item.altitude_m, altitude_reference=_above(item.altitude_reference), place=place)
 
 
@@ -82,7 +82,7 @@ def _take_off_from_proto(message: pb.TakeOffItem, number: str) -> TakeOff:
 
 def _waypoint_to_proto(item: Waypoint) -> pb.WaypointItem:
     return pb.WaypointItem(
-        place=_place(item.latitude_deg, item.longitude_deg),
+        place=_position(item.latitude_deg, item.longitude_deg),
         altitude_m=item.altitude_m,
         altitude_reference=_above(item.altitude_reference),
         hold_s=item.hold_s,
@@ -106,7 +106,7 @@ def _waypoint_from_proto(message: pb.WaypointItem, number: str) -> Waypoint:
 
 def _interest_to_proto(item: RegionOfInterest) -> pb.RegionOfInterestItem:
     return pb.RegionOfInterestItem(
-        place=_place(item.latitude_deg, item.longitude_deg),
+        place=_position(item.latitude_deg, item.longitude_deg),
         altitude_m=item.altitude_m,
         altitude_reference=_above(item.altitude_reference),
     )
@@ -137,7 +137,7 @@ _TO_PROTO: dict[type[Any], tuple[str, Callable[[Any], Any]]] = {
     RegionOfInterest: ("region_of_interest", _interest_to_proto),
     RegionOfInterestEnd: ("region_of_interest_end", lambda _: pb.RegionOfInterestEndItem()),
     CameraTrigger: ("camera_trigger", _camera_to_proto),
-    Land: ("land", lambda item: pb.LandItem(place=_place(item.latitude_deg, item.longitude_deg))),
+    Land: ("land", lambda item: pb.LandItem(place=_position(item.latitude_deg, item.longitude_deg))),
     ReturnToLaunch: ("return_to_launch", lambda _: pb.ReturnToLaunchItem()),
     Jump: ("jump", lambda item: pb.JumpItem(to=item.to, times=item.times)),
     OtherItem: ("other", lambda item: pb.OtherItem(command=item.command, text=item.text)),

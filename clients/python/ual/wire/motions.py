@@ -48,7 +48,7 @@ TaskRequestMessage: TypeAlias = (
 def task_request_to_proto(request: TaskRequest, *, non_blocking: bool = False) -> TaskRequestMessage:
     """Converts the request of a task into the message of its method."""
     if isinstance(request, TakeOffRequest):
-        return pb.TakeOffRequest(height_m=_given(request.height_m), non_blocking=non_blocking, force=request.force)
+        return pb.TakeOffRequest(height_m=_required(request.height_m), non_blocking=non_blocking, force=request.force)
     if isinstance(request, LandRequest):
         return pb.LandRequest(non_blocking=non_blocking)
     if isinstance(request, GoToWaypointRequest):
@@ -59,9 +59,9 @@ def task_request_to_proto(request: TaskRequest, *, non_blocking: bool = False) -
         )
     if isinstance(request, GoToWaypointGeoRequest):
         return pb.GoToWaypointGeoRequest(
-            latitude_deg=_given(request.waypoint.latitude_deg),
-            longitude_deg=_given(request.waypoint.longitude_deg),
-            altitude_m=_given(request.waypoint.altitude_m),
+            latitude_deg=_required(request.waypoint.latitude_deg),
+            longitude_deg=_required(request.waypoint.longitude_deg),
+            altitude_m=_required(request.waypoint.altitude_m),
             altitude_reference=pb.AltitudeReference.ValueType(request.waypoint.altitude_reference.value),
             yaw_rad=request.waypoint.yaw_rad,
             max_speed_m_s=_max_speed_to_proto(request.max_speed_m_s),
@@ -72,7 +72,7 @@ def task_request_to_proto(request: TaskRequest, *, non_blocking: bool = False) -
     return _follow_path_to_proto(request, non_blocking)
 
 
-def _given(value: float) -> float:
+def _required(value: float) -> float:
     """Returns the value. None is refused: protobuf takes it for a field that is left out, and so for 0."""
     if value is None:
         raise TypeError("None is not a number")
@@ -84,7 +84,7 @@ def _follow_path_to_proto(request: FollowPathRequest, non_blocking: bool) -> pb.
     return pb.FollowPathRequest(
         waypoints=[pose_stamped_to_proto(each) for each in request.waypoints if not isinstance(each, GeoWaypoint)],
         geo_waypoints=[_geo_waypoint_to_proto(each) for each in request.waypoints if isinstance(each, GeoWaypoint)],
-        corner_radius_m=_given(request.corner_radius_m),
+        corner_radius_m=_required(request.corner_radius_m),
         max_speed_m_s=_max_speed_to_proto(request.max_speed_m_s),
         leg_speeds_m_s=request.leg_speeds_m_s,
         heading=pb.PathHeading.ValueType(request.heading.value),
@@ -134,9 +134,9 @@ def _max_speed_to_proto(max_speed_m_s: float | None) -> float:
 
 def _geo_waypoint_to_proto(waypoint: GeoWaypoint) -> pb.GeoWaypoint:
     return pb.GeoWaypoint(
-        latitude_deg=_given(waypoint.latitude_deg),
-        longitude_deg=_given(waypoint.longitude_deg),
-        altitude_m=_given(waypoint.altitude_m),
+        latitude_deg=_required(waypoint.latitude_deg),
+        longitude_deg=_required(waypoint.longitude_deg),
+        altitude_m=_required(waypoint.altitude_m),
         altitude_reference=pb.AltitudeReference.ValueType(waypoint.altitude_reference.value),
         yaw_rad=waypoint.yaw_rad,
     )

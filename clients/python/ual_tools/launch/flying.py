@@ -30,7 +30,7 @@ class Watched:
     def __init__(self, ns: str, on_state: Callable[[State], None]) -> None:
         self.ns = ns
         self.state: State | None = None
-        self.is_flown_by_us = False
+        self.is_in_control = False
         """Stays while its daemon is away: what it flew, nobody else has taken."""
         self._is_commanded = False
         """By the daemon that runs now: from it a UAV can be taken. After a restart, a failsafe is nobody."""
@@ -52,7 +52,7 @@ class Watched:
         self.state = None
         self._is_commanded = False
 
-    async def look(self, address: str) -> None:
+    async def sample_now(self, address: str) -> None:
         """Takes one sample now: the last one of `follow` may be older than a command."""
         with contextlib.suppress(UalError):
             async with _client(self.ns, address) as uav:
@@ -63,9 +63,9 @@ class Watched:
         state, before = telemetry.state, self.state
         self.state = state
         if state in _COMMANDED and SENDS_NOTHING not in telemetry.state_reason:
-            self.is_flown_by_us = self._is_commanded = True
+            self.is_in_control = self._is_commanded = True
         elif state in _ON_GROUND or (state is State.FLYING_MANUAL and self._is_commanded):
-            self.is_flown_by_us = self._is_commanded = False
+            self.is_in_control = self._is_commanded = False
         if state is not before:
             self._on_state(state)
 
@@ -81,7 +81,7 @@ async def land(watched: Watched, address: Callable[[], str | None], limit_s: flo
     A daemon that is started again meanwhile is asked again.
     """
     end_s = time.monotonic() + limit_s
-    while watched.is_flown_by_us and (left_s := end_s - time.monotonic()) > 0.0:
+    while watched.is_in_control and (left_s := end_s - time.monotonic()) > 0.0:
         where = address()
         if where is not None:
             try:
@@ -97,7 +97,7 @@ async def land(watched: Watched, address: Callable[[], str | None], limit_s: flo
             else:
                 return None
         await asyncio.sleep(_AGAIN_S)
-    return f"not on the ground after {limit_s:g} s" if watched.is_flown_by_us else None
+    return f"not on the ground after {limit_s:g} s" if watched.is_in_control else None
 
 
 async def abort(ns: str, address: str) -> str | None:

@@ -69,7 +69,7 @@ class TeamLog:
             self._work.put(None, timeout=_FLUSH_LIMIT_S)
             self._thread.join(_FLUSH_LIMIT_S)
 
-    def line(self, name: str, text: str) -> None:
+    def write(self, name: str, text: str) -> None:
         """Writes one line of a program."""
         self._print(name, self._colours.get(name, ""), plain(text), "")
 
@@ -82,10 +82,10 @@ class TeamLog:
         if self._states.get(name) != text:
             self._states[name] = text
             if self._console.is_terminal:
-                line = self._line_of_states()
+                line = self._states_text()
                 self._put(lambda: self._live.update(line, refresh=True))
 
-    def _line_of_states(self) -> Text:
+    def _states_text(self) -> Text:
         from rich.text import Text
 
         line = Text(no_wrap=True, overflow="ellipsis")

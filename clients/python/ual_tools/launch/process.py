@@ -109,17 +109,17 @@ class TeamProcess:
                     while len(rest) > _LONGEST_LINE:
                         lines, rest = [*lines, rest[:_LONGEST_LINE]], rest[_LONGEST_LINE:]
                     for line in lines:
-                        self._line(line, file)
+                        self._write_output(line, file)
                 if rest:
-                    self._line(rest, file)
+                    self._write_output(rest, file)
             finally:
                 transport.close()
 
-    def _line(self, line: bytes, file: LogFile | None) -> None:
+    def _write_output(self, line: bytes, file: LogFile | None) -> None:
         text = line.decode(errors="replace").rstrip("\r")
         self.watch.see(text)
         if file is None or not file.write(text):
-            self._log.line(self.program.name, text)
+            self._log.write(self.program.name, text)
 
 
 def _stream(pipe: int) -> IO[bytes]:

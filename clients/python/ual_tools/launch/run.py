@@ -127,7 +127,7 @@ class _TeamRun:
         if self._team.at_end is AtEnd.LAND:
             await self._unless_hurried(self._land())
         if self._hurrying.is_set():
-            await self._each_flown(self._abort)
+            await self._for_each_flying(self._abort)
         await self._stop(set(self._all))
         self._is_good &= not any(each.failure for each in self._all.values() if each.program.is_daemon)
 
@@ -140,14 +140,16 @@ class _TeamRun:
         self._note_defect(working)
 
     async def _land(self) -> None:
-        await self._each_flown(self._land_one)
+        await self._for_each_flying(self._land_one)
         for uav in (each.uav for each in self._all.values()):
-            if uav is not None and uav.state in IN_THE_AIR and not uav.is_flown_by_us:
+            if uav is not None and uav.state in IN_THE_AIR and not uav.is_in_control:
                 self._log.note(f"{uav.ns}: left as it is, {uav.state.name}: UAL does not fly it", is_bad=True)
 
-    async def _each_flown(self, work: Callable[[Supervisor], Coroutine[Any, Any, None]]) -> None:
-        await asyncio.gather(*(each.uav.look(each.address) for each in self._all.values() if each.uav and each.address))
-        flown = [each for each in self._all.values() if each.uav is not None and each.uav.is_flown_by_us]
+    async def _for_each_flying(self, work: Callable[[Supervisor], Coroutine[Any, Any, None]]) -> None:
+        await asyncio.gather(
+            *(each.uav.sample_now(each.address) for each in self._all.values() if each.uav and each.address)
+        )
+        flown = [each for each in self._all.values() if each.uav is not None and each.uav.is_in_control]
         await asyncio.gather(*(work(each) for each in flown))
 
     async def _land_one(self, one: Supervisor) -> None:

@@ -10,7 +10,7 @@ from ual_tools.launch.team import Program, ReadyCondition
 
 def text(program: Program) -> str:
     """Returns a command line, and above it what it waits for."""
-    return f"# {_about(program)}\n{command_line(program)}"
+    return f"# {_about(program)}\n{shell_command(program)}"
 
 
 def values(program: Program) -> dict[str, object]:
@@ -25,7 +25,7 @@ def values(program: Program) -> dict[str, object]:
     }
 
 
-def command_line(program: Program) -> str:
+def shell_command(program: Program) -> str:
     """Returns one command line, quoted for a shell, with its directory and its variables."""
     words = [f"{name}={shlex.quote(value)}" for name, value in program.env.items()]
     line = " ".join([*words, shlex.join(program.argv)])

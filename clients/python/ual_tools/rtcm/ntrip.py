@@ -53,11 +53,11 @@ class NtripSource(CorrectionsSource):
                 connection.ask(self._caster, self._caster.mountpoint, self._gga(), is_version_2=is_version_2)
                 if (head := connection.head()) is not None:
                     self._require_data(head, connection)
-                    yield from self._told_on_time(connection)
+                    yield from self._with_positions(connection)
                     raise SourceError("the caster has closed the connection")
         raise SourceError("it has closed the connection without an answer")
 
-    def _told_on_time(self, connection: NtripConnection) -> Generator[bytes, None, None]:
+    def _with_positions(self, connection: NtripConnection) -> Generator[bytes, None, None]:
         """Yields what comes, and tells the caster where the UAV is, whether anything comes or not."""
         due_s = time.monotonic()
         for data in connection.body():

@@ -21,7 +21,7 @@ _SHOWN_S = 3.0
 """A refusal is bright for this time."""
 
 
-def lines(
+def screen_rows(
     view: View, title: str, help_text: Sequence[tuple[str, str]], question: str, *, width: int, height: int
 ) -> list[TableRow]:
     """Returns the lines of the screen: `height` at most, each `width` characters at most."""

@@ -136,7 +136,7 @@ def _picture(pilot: Pilot, controls: Controls, shown: Screen) -> RenderableType:
     width, height = shown.size
     view = pilot.view()
     question = controls.question(view.now_s)
-    return as_text(board.lines(view, controls.title, controls.help, question, width=width, height=height))
+    return as_text(board.screen_rows(view, controls.title, controls.help, question, width=width, height=height))
 
 
 class _Suspension:

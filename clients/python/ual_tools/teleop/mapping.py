@@ -36,7 +36,7 @@ def make_mapping(joysticks: Joysticks, device: Device) -> None:
 
 def _wait_for_enter(opened: RawJoystick, keys: TerminalKeys) -> None:
     while (key := keys.read(_PERIOD_S)) not in _ENTER:
-        _quit_if_asked(key, keys)
+        _quit_on_key(key, keys)
         opened.read()  # so that SDL sees what moves
 
 
@@ -48,7 +48,7 @@ def _ask(mapper: Mapper, opened: RawJoystick, keys: TerminalKeys) -> None:
             shown = text
             click.echo(text)
         key = keys.read(_PERIOD_S)
-        _quit_if_asked(key, keys)
+        _quit_on_key(key, keys)
         if key == b"s":
             mapper.skip()
         elif key == b"b":
@@ -57,6 +57,6 @@ def _ask(mapper: Mapper, opened: RawJoystick, keys: TerminalKeys) -> None:
             mapper.feed(opened.read())
 
 
-def _quit_if_asked(key: bytes, keys: TerminalKeys) -> None:
+def _quit_on_key(key: bytes, keys: TerminalKeys) -> None:
     if key in _QUIT or keys.is_gone:
         raise click.Abort

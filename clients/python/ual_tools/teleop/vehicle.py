@@ -107,7 +107,7 @@ class TeleopVehicle:
             self._setpoint = None
             self._running[name] = self._running.get(name, 0) + 1
         if begins:
-            self.done = self._said(begins)
+            self.done = self._message(begins)
         thread = threading.Thread(target=self._run, args=(name, call), name=f"teleop {name}", daemon=True)
         thread.start()
         return thread
@@ -120,7 +120,7 @@ class TeleopVehicle:
 
     def refuse(self, text: str) -> None:
         """Shows why something was not done."""
-        self.refusal = self._said(text)
+        self.refusal = self._message(text)
 
     def close(self) -> None:
         """Ends the link. What runs goes on."""
@@ -137,9 +137,9 @@ class TeleopVehicle:
         try:
             self._hold_lease()
             call(self._uav)
-            self.done = self._said(f"{name}: done")
+            self.done = self._message(f"{name}: done")
         except UalError as error:
-            self.done = self._said(f"{name}: not done")
+            self.done = self._message(f"{name}: not done")
             self._note(name, error)
         finally:
             with self._changed:
@@ -207,7 +207,7 @@ class TeleopVehicle:
 
     def _note(self, name: str, error: UalError) -> None:
         if not self._is_closed.is_set():
-            self.refusal = self._said(f"{name}: {error.reason}: {' '.join(error.message.split())}")
+            self.refusal = self._message(f"{name}: {error.reason}: {' '.join(error.message.split())}")
 
-    def _said(self, text: str) -> ScreenMessage:
+    def _message(self, text: str) -> ScreenMessage:
         return ScreenMessage(text, self._clock())

@@ -20,7 +20,7 @@ class PayloadBoard:
         self._due_s = 0.0
         self._is_empty = False
 
-    def look(self, gripper: Gripper, now_s: float, *, is_wanted: bool) -> None:
+    def poll(self, gripper: Gripper, now_s: float, *, is_wanted: bool) -> None:
         """Asks for the states, if they are wanted and due. Where nothing is carried it asks once."""
         if self._is_empty:
             return

@@ -91,7 +91,7 @@ class ControlPanel:
     def update(self, moment: Moment, ns: str) -> None:
         """Shows what is proposed and how the last order went."""
         self._command_queue.tidy(moment.now_s)
-        self._look(moment.uavs.get(ns))
+        self._refresh(moment.uavs.get(ns))
         member = self._fleet.members().get(ns)
         is_simulation = member is not None and member.info.is_simulation
         if self._simulation.visible != is_simulation:
@@ -100,7 +100,7 @@ class ControlPanel:
             self._count = self._command_queue.count
             self._show(self._command_queue.proposal)
 
-    def _look(self, uav: Shown | None) -> None:
+    def _refresh(self, uav: Shown | None) -> None:
         self._ground_m = 0.0 if uav is None or uav.odom is None else uav.odom.translation.z
 
     def _show(self, proposal: Proposal | None) -> None:

@@ -55,7 +55,7 @@ class Origin:
     @classmethod
     def of(cls, here: EarthPosition, in_map: Vector3) -> Origin:
         """Returns the origin of a `map` in which this place is there."""
-        return cls(Origin(here).place_at(Vector3(-in_map.x, -in_map.y, 0.0)))
+        return cls(Origin(here).position_at(Vector3(-in_map.x, -in_map.y, 0.0)))
 
     def in_map(self, place: EarthPosition, z_m: float = 0.0) -> Vector3:
         """Returns where a place is in `map`."""
@@ -63,7 +63,7 @@ class Origin:
         east_deg = math.remainder(place.longitude_deg - self.place.longitude_deg, 360.0)
         return Vector3(east_deg * east_m, (place.latitude_deg - self.place.latitude_deg) * north_m, z_m)
 
-    def place_at(self, in_map: Vector3) -> EarthPosition:
+    def position_at(self, in_map: Vector3) -> EarthPosition:
         """Returns which place is there in `map`."""
         north_m, east_m = self._metres_per_degree()
         longitude_deg = math.remainder(self.place.longitude_deg + in_map.x / east_m, 360.0)

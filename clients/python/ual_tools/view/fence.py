@@ -14,7 +14,7 @@ _SIDES = 48
 """Of a circle."""
 
 
-def lines(fence: Geofence) -> list[Line]:
+def fence_edges(fence: Geofence) -> list[Line]:
     """Returns the edges of the fence: below, above, and between. One without sides, only with heights, has none."""
     low_m, high_m = fence.min_z_m, fence.max_z_m
     rings = [fence.corners] if fence.corners else []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import viser
 
-from ual_tools.view.fence import lines
+from ual_tools.view.fence import fence_edges
 from ual_tools.view.fleet import PageFleet
 from ual_tools.view.palette import Colour
 from ual_tools.view.scene import SceneSegments
@@ -28,4 +28,4 @@ class Fences:
             self._drawn[ns] = SceneSegments(self._scene, f"/fence/{len(self._drawn)}", _RED)
         for ns, drawn in self._drawn.items():
             fence = found.get(ns)
-            drawn.draw([] if fence is None else lines(fence))
+            drawn.draw([] if fence is None else fence_edges(fence))

@@ -133,27 +133,27 @@ class PageFleet:
         member = self._members[ns] = PageMember(uav, uav.info())
         try:
             while not is_ended.wait(_LOOK_S):
-                self._look(ns, member)
+                self._poll(ns, member)
         finally:
             if self._members.get(ns) is member:  # else it was connected to anew
                 self._members.pop(ns)
 
-    def _look(self, ns: str, member: PageMember) -> None:
+    def _poll(self, ns: str, member: PageMember) -> None:
         """Asks for what the telemetry does not have. What is not answered is not known."""
-        seen = self.board.seen().get(ns)
+        seen = self.board.watched_uavs().get(ns)
         telemetry = None if seen is None else seen.telemetry
         with suppress(UalError):
-            self._look_at_task(ns, member, telemetry)
+            self._check_task(ns, member, telemetry)
         member.frames = _answer(member.uav.frames) if self.wants_frames or self.wants_gimbals else None
         now_s = time.monotonic()
         if now_s >= member.fence_due_s:
             member.fence, member.fence_due_s = _answer(member.uav.geofence), now_s + _FENCE_S
-        self._look_at_route(member, telemetry, now_s)
-        member.taken.look(member.uav.cameras, now_s, wants_image=self.wants_pictures)
-        member.carried.look(member.uav.gripper, now_s, is_wanted=ns in self.wants_carried)
-        self._look_at_lease(ns, member)
+        self._poll_route(member, telemetry, now_s)
+        member.taken.poll(member.uav.cameras, now_s, wants_image=self.wants_pictures)
+        member.carried.poll(member.uav.gripper, now_s, is_wanted=ns in self.wants_carried)
+        self._check_lease(ns, member)
 
-    def _look_at_lease(self, ns: str, member: PageMember) -> None:
+    def _check_lease(self, ns: str, member: PageMember) -> None:
         """Writes down that the lease of the pages was lost. They fly without one from then on, if others let them."""
         lease = member.lease
         if lease is None or lease.lost is None:
@@ -162,7 +162,7 @@ class PageFleet:
         member.lease = None
         lease.release()
 
-    def _look_at_task(self, ns: str, member: PageMember, telemetry: Telemetry | None) -> None:
+    def _check_task(self, ns: str, member: PageMember, telemetry: Telemetry | None) -> None:
         """Writes down how a task ended: the telemetry has only the one that runs."""
         present = _task_id(telemetry)
         for task_id in set(member.running) - {present}:
@@ -175,7 +175,7 @@ class PageFleet:
         if present:
             member.running[present] = None
 
-    def _look_at_route(self, member: PageMember, telemetry: Telemetry | None, now_s: float) -> None:
+    def _poll_route(self, member: PageMember, telemetry: Telemetry | None, now_s: float) -> None:
         """Asks for the way that is flown: of a task once, to a goal that moves again and again."""
         route = member.route
         if telemetry is None or telemetry.reference_pose is None:

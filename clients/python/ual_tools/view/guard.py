@@ -46,13 +46,13 @@ class Guard:
             return f"Host {host!r}: this page is for this computer only"
         if origin is not None and _netloc(origin) != host.lower():
             return f"Origin {origin!r}: a page of another site"
-        if self.token and not (self._is_token(_asked(path)) or self._is_token(_cookie(headers))):
+        if self.token and not (self._is_token(_token_in(path)) or self._is_token(_cookie(headers))):
             return "no token, or a wrong one: open the address that `ual view` printed"
         return ""
 
     def cookie(self, path: str, headers: Mapping[str, str]) -> str | None:
         """Returns the cookie to set where a request brings the right token in its address."""
-        if not (self.token and self._is_token(_asked(path))):
+        if not (self.token and self._is_token(_token_in(path))):
             return None
         secure = " Secure;" if self.is_tls else ""
         return f"{_cookie_name(headers)}={self.token}; Path=/; HttpOnly;{secure} SameSite=Strict"
@@ -85,7 +85,7 @@ def _netloc(origin: str) -> str:
         return ""
 
 
-def _asked(path: str) -> str:
+def _token_in(path: str) -> str:
     return parse_qs(path.partition("?")[2]).get("token", [""])[0]
 
 

@@ -28,7 +28,7 @@ class Journal:
         self._text: dict[str, str] = {}
         self._levels: dict[str, Urgency] = {}
 
-    def look(self, uav: Shown, seen: WatchedUav, utc_s: float) -> None:
+    def note_changes(self, uav: Shown, seen: WatchedUav, utc_s: float) -> None:
         """Writes what has changed of a UAV since the last look."""
         telemetry = seen.telemetry
         if telemetry is None:
@@ -58,7 +58,7 @@ class Journal:
             self._lines.append((ns, line[:_LONGEST]))
             self.count += 1
 
-    def lines(self, ns: str = "", most: int = 12) -> list[str]:
+    def entries(self, ns: str = "", most: int = 12) -> list[str]:
         """Returns the newest lines, the newest first: those of one UAV, or of all."""
         with self._lock:
             found = [line for of, line in self._lines if not ns or of == ns]

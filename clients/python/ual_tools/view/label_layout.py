@@ -47,7 +47,7 @@ def laid_out(wanted: Iterable[Wanted], camera: PageCamera, fixed: Iterable[Fixed
     placed = [_box(each.text, x, y + _LINE_PX / 2.0) for each in fixed for x, y in _pixels(each.place, camera)]
     found: dict[str, Vector3] = {}
     for label, (x, y, ahead_m) in _in_order(wanted, camera):
-        lines = _free_line(_box(label.text, x, y), placed)
+        lines = _free_row(_box(label.text, x, y), placed)
         if lines > _MOST_LINES and not label.is_urgent:
             continue
         placed.append(_box(label.text, x, y - lines * _LINE_PX))
@@ -70,7 +70,7 @@ def _box(text: str, x: float, bottom: float) -> _Box:
     return _Box(x - half, x + half, bottom)
 
 
-def _free_line(box: _Box, placed: Sequence[_Box]) -> int:
+def _free_row(box: _Box, placed: Sequence[_Box]) -> int:
     """Returns by how many lines a label has to be lifted."""
     lines = 0
     while lines <= 2 * len(placed):  # a fixed one may stand between two lines, and close both

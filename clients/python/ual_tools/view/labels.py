@@ -30,7 +30,7 @@ class Labels:
 
     def update(self, uavs: Iterable[Shown], chosen: frozenset[str]) -> None:
         """Draws them as they are now."""
-        camera = seen_by(self._client)
+        camera = camera_of(self._client)
         if camera is None:
             return
         found = sorted(uavs, key=lambda uav: (-uav.how.level, uav.ns not in chosen))[:_MOST]
@@ -57,7 +57,7 @@ class Labels:
         self._places[ns] = place
 
 
-def seen_by(client: viser.ClientHandle) -> PageCamera | None:
+def camera_of(client: viser.ClientHandle) -> PageCamera | None:
     """Returns the camera of a page; None while it has not told it."""
     camera = client.camera
     if not camera.image_height:

@@ -74,7 +74,7 @@ class MapLayer:
 
     def update(self) -> None:
         """Draws what is missing around the UAVs."""
-        seen = self._board.seen()
+        seen = self._board.watched_uavs()
         if self._origin is None:
             self._origin = origin_of(seen)
         middle = _middle(seen)
@@ -83,7 +83,7 @@ class MapLayer:
         if isinstance(self._source, MapPicture):
             self._draw(self._source, self._origin)
             return
-        wanted = tiles_around(self._origin.place_at(middle), self._source.zoom, _AROUND)
+        wanted = tiles_around(self._origin.position_at(middle), self._source.zoom, _AROUND)
         for tile in wanted:
             self._draw(tile, self._origin)
         self._tidy(wanted)

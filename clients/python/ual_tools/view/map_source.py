@@ -69,7 +69,7 @@ def ground(
     if (picture is None) is not (corners is None):
         raise InvalidArgumentError("--map-picture and --map-corners: give both or none", {"field": "map_corners"})
     if picture is not None and corners is not None:
-        return MapPicture(picture, tuple(_place(corner) for corner in corners))
+        return MapPicture(picture, tuple(_position(corner) for corner in corners))
     if tiles is None:
         return None
     if not all(part in tiles for part in _PARTS):
@@ -80,7 +80,7 @@ def ground(
     return Tiles(tiles, zoom)
 
 
-def _place(text: str) -> EarthPosition:
+def _position(text: str) -> EarthPosition:
     try:
         latitude_deg, longitude_deg = map(parse_number, text.split(","))
     except ValueError:

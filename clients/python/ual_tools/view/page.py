@@ -14,7 +14,7 @@ from ual_tools.view.command_queue import CommandQueue
 from ual_tools.view.control_panel import ControlPanel
 from ual_tools.view.fleet import PageFleet
 from ual_tools.view.journal import Journal
-from ual_tools.view.labels import Labels, seen_by
+from ual_tools.view.labels import Labels, camera_of
 from ual_tools.view.picture import Moment
 from ual_tools.view.scene import below, wxyz, xyz
 from ual_tools.view.shown import Shown
@@ -120,7 +120,7 @@ class Page:
         self._details.set(self._details_of(ns, moment) if ns else "")
         marks = {each: uav.mark for each, uav in moment.uavs.items()}
         self._chart.update({each: moment.tracks[each] for each in found}, marks, moment.now_s)
-        self._log.set(panel.log(self._journal.lines()))
+        self._log.set(panel.log(self._journal.entries()))
         self._draw_frames(ns if ns and not moment.uavs[ns].is_lost else "")
         if self._control is not None:
             self._control.update(moment, ns)
@@ -176,7 +176,7 @@ class Page:
 
     def _frame(self, uavs: Sequence[Shown]) -> bool:
         """Turns the camera to some UAVs. Returns whether it could."""
-        camera = seen_by(self._client)
+        camera = camera_of(self._client)
         above = [(uav, uav.body.position) for uav in uavs if uav.body is not None]
         places = [each for uav, place in above for each in (place, below(uav, place))]
         if camera is None or not places:

@@ -34,15 +34,15 @@ class PagePicture:
         self._tracks: dict[str, Track] = {}
         self._numbers: dict[str, int] = {}
 
-    def look(self, now_s: float, utc_s: float) -> Moment:
+    def update(self, now_s: float, utc_s: float) -> Moment:
         """Returns the moment. A UAV that is not on the board any more is forgotten."""
-        seen = self._board.seen()
+        seen = self._board.watched_uavs()
         self._poses.keep(seen)
         uavs = {ns: self._shown(ns, each, now_s, utc_s) for ns, each in seen.items()}
         self._tracks = {ns: self._tracks.get(ns) or Track() for ns in uavs}
         for ns, uav in uavs.items():
             self._tracks[ns].add(now_s, uav)
-            self._journal.look(uav, seen[ns], utc_s)
+            self._journal.note_changes(uav, seen[ns], utc_s)
         return Moment(now_s, utc_s, seen, uavs, self._tracks)
 
     def _shown(self, ns: str, seen: WatchedUav, now_s: float, utc_s: float) -> Shown:

@@ -94,7 +94,7 @@ class Viewer:
         self._fences = Fences(server.scene, fleet)
         self._pictures = PagePictures(server.scene, fleet)
         self._gimbals = PageGimbals(server.scene, fleet)
-        self._scene = Scene(server.scene, self._model_of, self._way_of)
+        self._scene = Scene(server.scene, self._model_of, self._route_of)
         self._lock = threading.Lock()
         self._pages: dict[int, Page] = {}
         self._title = title(control=control)
@@ -135,7 +135,7 @@ class Viewer:
 
     def draw(self, *, with_panels: bool) -> None:
         """Draws one picture."""
-        moment = self._picture.look(time.monotonic(), time.time())
+        moment = self._picture.update(time.monotonic(), time.time())
         self._scene.update(moment)
         self._gimbals.update(moment)
         with self._lock:
@@ -171,6 +171,6 @@ class Viewer:
         backend = "" if member is None else member.info.backend
         return named or (backend if backend in MODELS else MODEL_NAMES[0])
 
-    def _way_of(self, ns: str) -> Sequence[Vector3]:
+    def _route_of(self, ns: str) -> Sequence[Vector3]:
         member = self._fleet.members().get(ns)
         return () if member is None or member.route is None else member.route.points

@@ -86,7 +86,7 @@ def shown(
     since_s = seen.since_s if pose_since_s is None else pose_since_s
     age_s = now_s - since_s
     lost = _lost_text(seen, since_s, now_s=now_s, utc_s=utc_s, lost_after_s=lost_after_s)
-    how = UavCondition(Urgency.ALARM, "LOST", lost, lost) if lost else condition.of_seen(seen, now_s, math.inf)
+    how = UavCondition(Urgency.ALARM, "LOST", lost, lost) if lost else condition.uav_condition(seen, now_s, math.inf)
     if telemetry is None:
         return Shown(ns, f"{ns}: {lost or 'no telemetry yet'}", GREY, how, mark=mark)
     body, odom = positions.body(telemetry), positions.odom(telemetry)

@@ -42,7 +42,7 @@ class Taken:
         self._due_s = 0.0
         self._has_cameras = True
 
-    def look(self, cameras: Cameras, now_s: float, *, wants_image: bool) -> None:
+    def poll(self, cameras: Cameras, now_s: float, *, wants_image: bool) -> None:
         """Asks what was taken, and gets the last picture if it is wanted.
 
         What is not answered is asked again. The bytes of a picture are so where the daemon was not reached, and twice
@@ -60,9 +60,9 @@ class Taken:
         else:
             for info in found:
                 with suppress(UalError):  # one camera that does not answer keeps none from being asked
-                    self._look_at(info, cameras, wants_image=wants_image)
+                    self._poll_camera(info, cameras, wants_image=wants_image)
 
-    def _look_at(self, info: CameraInfo, cameras: Cameras, *, wants_image: bool) -> None:
+    def _poll_camera(self, info: CameraInfo, cameras: Cameras, *, wants_image: bool) -> None:
         camera = cameras[info.number]
         for photo in self._new[info.number].of(camera):
             self._kept.append(photo)

@@ -29,7 +29,7 @@ HEIGHT_M = 3.0
 PERIOD_S = 0.1
 
 
-def heard(kind, topic, qos, field):
+def topic_to_blackboard(kind, topic, qos, field):
     """Returns a behaviour that keeps a topic's last message as a variable of the blackboard."""
     return py_trees_ros.subscribers.ToBlackboard(
         name=topic, topic_name=f"{NS}/{topic}", topic_type=kind, qos_profile=qos, blackboard_variables={topic: field}
@@ -77,8 +77,8 @@ def grown():
     )
     flight = py_trees.composites.Selector(name="flight", memory=False, children=[low, patrol])
     told = [
-        heard(BatteryState, "battery", qos_profile_sensor_data, "percentage"),
-        heard(State, "state", LATCHED, "state"),
+        topic_to_blackboard(BatteryState, "battery", qos_profile_sensor_data, "percentage"),
+        topic_to_blackboard(State, "state", LATCHED, "state"),
     ]
     return py_trees.composites.Parallel(
         name="uav_1", policy=ParallelPolicy.SuccessOnSelected([flight], synchronise=False), children=[*told, flight]

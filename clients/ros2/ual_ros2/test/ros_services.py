@@ -68,7 +68,7 @@ class Asking:
 
     def filled(self, make: Callable[[], Any], fields: Mapping[str, Any]) -> Mapping[str, Any]:
         """Returns fields as a message has them."""
-        return self._filling.told(make)(fields)
+        return self._filling.to_messages(make)(fields)
 
 
 class Part:

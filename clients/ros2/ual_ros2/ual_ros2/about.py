@@ -66,7 +66,7 @@ class About:
 
     def publish_slow(self, sample: ual.Telemetry) -> None:
         """Publishes where it is on Earth."""
-        if sample.position_geo is not None and topics.is_heard(self._position):
+        if sample.position_geo is not None and topics.has_subscribers(self._position):
             header = {"frame_id": f"{self._ns}/base_link", "stamp": Stamp(sample.stamp_s)}
             fields = {"header": header, **geo_position_fields(sample)}
             self._position.publish(self._filling.filled(GeoPosition(), fields))
@@ -75,7 +75,7 @@ class About:
         """Publishes for ever what has changed."""
         while True:
             for each in self._asked:
-                if not await each.look():
+                if not await each.poll():
                     each.told = None  # who listens next hears what holds then
             await asyncio.sleep(LOOK_S)
 
@@ -83,7 +83,7 @@ class About:
         """Publishes the way for ever."""
         while True:
             self._has_changed.clear()
-            await self._look_at_route()
+            await self._poll_route()
             await ends_within(self._has_changed.wait(), LOOK_S)
 
     def end(self) -> None:
@@ -91,8 +91,8 @@ class About:
         self._refusals.end()
         self._clear_route()
 
-    async def _look_at_route(self) -> None:
-        if not await self._route.look():
+    async def _poll_route(self) -> None:
+        if not await self._route.poll():
             self._clear_route()
 
     def _clear_route(self) -> None:
@@ -113,25 +113,25 @@ class About:
         return self._node.create_publisher(kind, topic, **topics.overridable(qos))
 
     async def _info(self, info: ual.Info) -> Message:
-        return self._told(Info(), info_fields(info))
+        return self._filled(Info(), info_fields(info))
 
     async def _geofence(self, geofence: ual.types.Geofence | str) -> Message:
         if isinstance(geofence, str):
-            return self._told(Geofence(), {"unknown": geofence})
-        return self._told(Geofence(), {"header": {"frame_id": geofence.frame_id}, **geofence_fields(geofence)})
+            return self._filled(Geofence(), {"unknown": geofence})
+        return self._filled(Geofence(), {"header": {"frame_id": geofence.frame_id}, **geofence_fields(geofence)})
 
     async def _lease(self, lease: ual.types.LeaseInfo | None) -> Message:
-        return self._told(Lease(), {} if lease is None else {"is_held": True, **lease_fields(lease)})
+        return self._filled(Lease(), {} if lease is None else {"is_held": True, **lease_fields(lease)})
 
     async def _path(self, route: ual.types.Route | None) -> Message:
         return self._stamped(await routes.path(route))
 
     def _tell_refusal(self, topic: str, error: ual.UalError, count: int) -> None:
-        if topics.is_heard(self._refused):
+        if topics.has_subscribers(self._refused):
             words = {"reason": error.reason, "message": error.message, "metadata": key_values(error.metadata)}
-            self._refused.publish(self._told(Refusal(), {"topic": topic, **words, "count": count}))
+            self._refused.publish(self._filled(Refusal(), {"topic": topic, **words, "count": count}))
 
-    def _told(self, message: Message, fields: Fields) -> Message:
+    def _filled(self, message: Message, fields: Fields) -> Message:
         return self._stamped(self._filling.filled(message, fields))
 
     def _stamped(self, message: Message) -> Message:
@@ -151,12 +151,12 @@ class _LatchedTopic:
         self.told: object = None
         """In a tuple, as what is told may be None. None: nothing, since it is heard."""
 
-    async def look(self) -> bool:
+    async def poll(self) -> bool:
         """Publishes what has changed since it was told. What is not heard is not asked for.
 
         Returns False where it is not heard, or not known.
         """
-        if not topics.is_heard(self.publisher):
+        if not topics.has_subscribers(self.publisher):
             return False
         try:
             asked = (await self._ask(),)

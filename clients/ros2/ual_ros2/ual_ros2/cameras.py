@@ -126,13 +126,13 @@ class _Camera:
         loop = asyncio.get_running_loop()
         while True:
             begun_s = loop.time()
-            for kind in self._heard():
+            for kind in self._subscribed():
                 await self._fetch(kind)
             await asyncio.sleep(max(0.0, begun_s + self._period_s - loop.time()))
 
-    def _heard(self) -> list[ImageKind]:
-        heard = [kind for kind, publisher in self._images.items() if topics.is_heard(publisher)]
-        if not heard and ImageKind.COLOUR in self._images and topics.is_heard(self._info):
+    def _subscribed(self) -> list[ImageKind]:
+        heard = [kind for kind, publisher in self._images.items() if topics.has_subscribers(publisher)]
+        if not heard and ImageKind.COLOUR in self._images and topics.has_subscribers(self._info):
             return [ImageKind.COLOUR]
         return heard
 
@@ -152,7 +152,7 @@ class _Camera:
         header = {"frame_id": pictures.optical_frame_of(self._ns, self._number), "stamp": Stamp(image.stamp_s)}
         _, make, fields = _TOPICS[kind]
         self._images[kind].publish(self._filling.filled(make(), {"header": header, **fields(image)}))
-        if topics.is_heard(self._info):
+        if topics.has_subscribers(self._info):
             info = {"header": header, **pictures.camera_info(image)}
             self._info.publish(self._filling.filled(CameraInfo(), info))
 

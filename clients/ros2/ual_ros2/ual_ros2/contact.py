@@ -60,9 +60,9 @@ class DaemonContact(Generic[T]):
 
         """
         if self.silent_s > max(quiet_s, self._gap_s):
-            await self.asked(limit_s)
+            await self.answer_within(limit_s)
 
-    async def asked(self, limit_s: float) -> T:
+    async def answer_within(self, limit_s: float) -> T:
         """Returns what the daemon answers within a time.
 
         Raises:

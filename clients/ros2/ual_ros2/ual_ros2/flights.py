@@ -113,7 +113,7 @@ def _action(task: Service) -> ActionCommand:
         task.kind,
         fly_or_ask,
         paths.frames if task.name == "follow_path" else task.frames_of,
-        _FILLING.told(task.kind.Result),
+        _FILLING.to_messages(task.kind.Result),
         can_be_cancelled=task.name not in _ENDS_BY_PILOT,
     )
 

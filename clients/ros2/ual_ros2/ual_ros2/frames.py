@@ -136,7 +136,7 @@ class Frames:
         gone, self._told = self._told - links.keys() - self._given.keys(), frozenset(links)
         self._tf.publish_static(static, gone)
         self._tf.publish_moving(moving)
-        self.has_moving = bool(moving) and topics.is_heard(self._tf.moving)
+        self.has_moving = bool(moving) and topics.has_subscribers(self._tf.moving)
 
     async def provide(self, frame_ids: Iterable[str]) -> None:
         """Gives the daemon those of the frames that it does not know and tf does.

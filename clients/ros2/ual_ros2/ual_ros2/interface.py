@@ -32,7 +32,7 @@ from ual_ros2.messages import Entity, Message
 from ual_ros2.outcome import Before, CommandOutcome, CommandRun
 from ual_ros2.ros_time import RosTime
 from ual_ros2.services.uav_services import UavServices
-from ual_ros2.setpoints import Newest, Setpoint, TopicValue, send_given
+from ual_ros2.setpoints import Newest, Setpoint, TopicValue, send_value
 from ual_ros2.settings import NodeSettings
 
 _log = logging.getLogger(__name__)
@@ -97,7 +97,7 @@ class UavInterface:
             shared.node, self._uav, ns, shared.time, shared.tf.publish_moving, settings.camera_rate_hz
         )
         self._about = About(shared.node, self._loop, self._uav, ns, shared.time)
-        sending = partial(send_given, self._uav, self)
+        sending = partial(send_value, self._uav, self)
         self._setpoints: Newest[TopicValue] = Newest(self._loop, sending, self._on_refusal)
         self._external_poses: Newest[TopicValue] = Newest(self._loop, sending, self._on_refusal)
         self._uav_services = UavServices(shared.node, self._loop, settings, shared.time, self._uav, ns, self._serve)
@@ -297,7 +297,7 @@ class UavInterface:
             await self._contact.require(COMMAND_S)
         await self._frames.provide(command.frames(request))
         if isinstance(command, ActionCommand) and command.flies(request):
-            run.before = Before.of(await self._contact.asked(COMMAND_S) if is_of_the_present else self._newest)
+            run.before = Before.of(await self._contact.answer_within(COMMAND_S) if is_of_the_present else self._newest)
         if is_of_the_present:  # still, after the daemon and the frames were waited for
             self._require_present(sent_s)
         for stamp in command.stamps(request):

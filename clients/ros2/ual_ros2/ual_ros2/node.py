@@ -76,7 +76,7 @@ class UalNode(LifecycleNode):
         # Not ROS' clock, which may stand still or jump.
         steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._is_starting = bool(self.get_parameter("autostart").value)
-        self.create_timer(LOOK_S, self._look, clock=steady)
+        self.create_timer(LOOK_S, self._poll, clock=steady)
         self.add_on_set_parameters_callback(self._on_parameters)
         for words in parameters.unknown(self._parameter_overrides, self._parameters):  # rclpy has them nowhere else
             self.get_logger().warning(words)
@@ -196,7 +196,7 @@ class UalNode(LifecycleNode):
             raise
         self.get_logger().info(f"{ns}: /{ns}/ual/ is there")
 
-    def _look(self) -> None:
+    def _poll(self) -> None:
         """Starts the node where it is to start by itself, and finds UAVs whose daemons were started later."""
         if self._is_starting:
             self._start()

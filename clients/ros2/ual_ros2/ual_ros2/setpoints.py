@@ -98,7 +98,7 @@ class Flying(Protocol):
         ...
 
 
-async def send_given(
+async def send_value(
     uav: ual.aio.Uav, flying: Flying, given: TopicValue, clock: Callable[[], float] = steady_s
 ) -> None:
     """Sends what came on a topic, unless the node is not active any more.

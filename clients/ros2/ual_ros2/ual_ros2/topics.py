@@ -115,13 +115,13 @@ class Topics:
         odometry = sample.odometry
         if odometry is not None:
             self._publish_odometry(odometry)
-        if sample.pose is not None and is_heard(self._pose):
+        if sample.pose is not None and has_subscribers(self._pose):
             self._publish_pose(self._pose, self._pose_message, sample.pose, sample)
-        if sample.velocity is not None and is_heard(self._velocity):
+        if sample.velocity is not None and has_subscribers(self._velocity):
             self._stamp(self._velocity_message.header, sample.stamp_s, sample.frame_id)
             values.fill_twist(self._velocity_message.twist, sample.velocity)
             self._velocity.publish(self._velocity_message)
-        if sample.reference_pose is not None and is_heard(self._ref_pose):
+        if sample.reference_pose is not None and has_subscribers(self._ref_pose):
             self._publish_pose(self._ref_pose, self._ref_pose_message, sample.reference_pose, sample)
 
     def publish_slow(self, sample: ual.Telemetry, said: health.ConnectionReport) -> None:
@@ -131,15 +131,15 @@ class Topics:
             self._publish_battery(self._battery, sample.battery)
         for each in sample.batteries:
             self._publish_battery(self._batteries, each)
-        if sample.position_geo is not None and is_heard(self._fix):
+        if sample.position_geo is not None and has_subscribers(self._fix):
             self._stamp(self._fix_message.header, sample.stamp_s, f"{self._ns}/base_link")
             values.fill_fix(self._fix_message, sample.position_geo, sample.gps)
             self._fix.publish(self._fix_message)
-        if is_heard(self._health):
+        if has_subscribers(self._health):
             self._publish_health(health.of(sample, said))
 
     def _publish_battery(self, publisher: Entity, battery: ual.Battery) -> None:
-        if is_heard(publisher):
+        if has_subscribers(publisher):
             self._time.stamp_now(self._battery_message.header.stamp)
             values.fill_battery(self._battery_message, battery)
             publisher.publish(self._battery_message)
@@ -170,15 +170,15 @@ class Topics:
         self._tf_message = TFMessage(transforms=[self._transform_message])
 
     def _publish_odometry(self, odometry: ual.Odometry) -> None:
-        if is_heard(self._tf):
+        if has_subscribers(self._tf):
             self._publish_body(odometry)
-        if is_heard(self._odom):
+        if has_subscribers(self._odom):
             self._odom_message.child_frame_id = odometry.child_frame_id
             self._stamp(self._odom_message.header, odometry.stamp_s, odometry.frame_id)
             values.fill_pose(self._odom_message.pose.pose, odometry.pose)
             values.fill_twist(self._odom_message.twist.twist, odometry.twist)
             self._odom.publish(self._odom_message)
-        if is_heard(self._imu):
+        if has_subscribers(self._imu):
             self._stamp(self._imu_message.header, odometry.stamp_s, odometry.child_frame_id)
             values.fill_quaternion(self._imu_message.orientation, odometry.pose.orientation)
             values.fill_vector(self._imu_message.angular_velocity, odometry.twist.angular)
@@ -200,7 +200,7 @@ class Topics:
 
     def _publish_state(self, told: _StateContent, *, again: bool = False) -> None:
         """Publishes each change; what has not changed only again, for those who subscribe without transient local."""
-        if told.is_as(self._told) and not (again and is_heard(self._state)):
+        if told.is_as(self._told) and not (again and has_subscribers(self._state)):
             return
         self._told = told
         message = State(**{**told._asdict(), "state": values.STATE_NUMBERS[told.state]})
@@ -224,6 +224,6 @@ class Topics:
         header.frame_id = frame_id
 
 
-def is_heard(publisher: Entity) -> bool:
+def has_subscribers(publisher: Entity) -> bool:
     """Returns whether anything subscribes to a topic."""
     return bool(publisher.get_subscription_count())

@@ -70,9 +70,9 @@ def test_a_source_that_moves_slowly_makes_the_ground_unknown(tmp_path: Path) -> 
 
 def test_the_ground_is_at_its_lowest_after_jumps_until_it_stands_again() -> None:
     here = Vector3(2.0, 0.0, 1.0)
-    ground = KnownGround.seen(here).jumped(Vector3(0.0, 0.0, -2.0)).jumped(Vector3(0.0, 0.0, 2.0))
+    ground = KnownGround.standing_at(here).jumped(Vector3(0.0, 0.0, -2.0)).jumped(Vector3(0.0, 0.0, 2.0))
     assert ground.landing_z_m(here) == -1.0 - DEEPER_M
-    assert KnownGround.seen(here).landing_z_m(here) == 1.0
+    assert KnownGround.standing_at(here).landing_z_m(here) == 1.0
 
 
 @pytest.mark.parametrize("is_in_air", [False, True])

@@ -208,7 +208,7 @@ def test_a_confirmation_that_waits_is_withdrawn_when_the_pilot_takes_over() -> N
         uav.land(blocking=False)
         until(lambda: backend.aircraft.height_m < 1.5)
         backend.is_socket_full = True
-        until(lambda: backend._session.runner.is_any_under_way)
+        until(lambda: backend._session.runner.is_any_pending)
         with backend.lock:
             backend.aircraft.pilot_takes_over()
         until(lambda: uav.state() is State.FLYING_MANUAL)

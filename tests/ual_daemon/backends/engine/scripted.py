@@ -130,7 +130,7 @@ class Judge:
         self.setpoints_since_s = math.inf
         self.is_held_up = False
 
-    def on_heard(self, now_s: float) -> None:
+    def on_message(self, now_s: float) -> None:
         self.heard_s.append(now_s)
 
     def on_mode(self, mode: str, now_s: float) -> None:
@@ -391,8 +391,8 @@ class Scripted:
             self.unread.append((self.mode, self.is_armed) if self.says_state else None)
 
     def _hear(self, said: tuple[str, bool] | None, now_s: float) -> None:
-        self.judge.on_heard(now_s)
-        self.watch.on_heard(now_s)
+        self.judge.on_message(now_s)
+        self.watch.on_message(now_s)
         if said is None:
             return
         mode, is_armed = said

@@ -42,5 +42,5 @@ def test_a_command_that_cannot_be_encoded_ends_its_future_and_is_tried_no_more(
     assert type(error) is UalError
     assert "a defect of UAL: OverflowError('float too large to pack')" in error.message
     assert tries == ["mode hold"]
-    assert not plain.runner.is_any_under_way
+    assert not plain.runner.is_any_pending
     assert sum(record.exc_info is not None for record in caplog.records) == 1

@@ -57,7 +57,7 @@ class Plain:
         control: Control = Control.OTHER,
         on_arming: OnArming = OnArming.STANDS,
     ) -> None:
-        self.watch.on_heard(self.now_s)
+        self.watch.on_message(self.now_s)
         self.known = changed(
             self.known,
             heard_s=self.now_s,

@@ -34,7 +34,7 @@ def test_the_link_goes_from_connecting_to_connected_to_stale_to_lost_and_back(to
     watch.tick(100.0)
     assert state(watch) is LinkWatchState.CONNECTING
     assert not watch.is_up(100.0)
-    watch.on_heard(100.0)
+    watch.on_message(100.0)
     watch.tick(100.0 + STALE_S - 0.05)
     assert state(watch) is LinkWatchState.CONNECTED
     watch.tick(100.0 + STALE_S + 0.05)
@@ -43,7 +43,7 @@ def test_the_link_goes_from_connecting_to_connected_to_stale_to_lost_and_back(to
     watch.tick(101.05)
     assert state(watch) is LinkWatchState.LOST
     assert not watch.is_up(101.05)
-    assert watch.on_heard(110.0) == 10.0
+    assert watch.on_message(110.0) == 10.0
     assert state(watch) is LinkWatchState.CONNECTED
     assert watch.lost_count == 1
     assert watch.report() == LinkReport(lost_count=1, reboots_count=0)
@@ -51,10 +51,10 @@ def test_the_link_goes_from_connecting_to_connected_to_stale_to_lost_and_back(to
 
 def test_each_change_is_logged_once(told: Told, caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.INFO):
-        told.watch.on_heard(1.9)
+        told.watch.on_message(1.9)
         for tick in range(20, 100):
             told.watch.tick(tick / 10)
-        told.watch.on_heard(10.0)
+        told.watch.on_message(10.0)
     records: list[Any] = caplog.records
     assert [record.ual_fields["new"] for record in records] == ["connected", "lost", "connected"]
     assert records[2].ual_fields["silence_s"] == 8.1
@@ -64,22 +64,22 @@ def test_a_silence_discards_and_a_longer_one_has_everything_requested_anew(told:
     now_s = 0.0
     for silence_s in (0.0, SILENT_S, 0.9, 1.1, ANEW_S + 0.1):
         now_s += silence_s
-        told.watch.on_heard(now_s)
+        told.watch.on_message(now_s)
     assert told.events == ["lost", "lost", "anew"]
 
 
 def test_what_was_said_before_a_silence_or_a_time_of_not_looking_is_not_relied_on(told: Told) -> None:
     watch = told.watch
     assert watch.why_silent(0.0) == "nothing was heard of the autopilot yet"
-    watch.on_heard(0.0)
-    watch.on_heard(SILENT_S)
+    watch.on_message(0.0)
+    watch.on_message(SILENT_S)
     assert watch.spoken_s == 0.0
     assert watch.why_silent(SILENT_S) == ""
     assert watch.why_silent(0.8) == "nothing was heard of the autopilot for 0.6 s"
-    watch.on_heard(0.8)
+    watch.on_message(0.8)
     assert watch.spoken_s == 0.8
     watch.on_blind(1.0)
-    watch.on_heard(0.9)
+    watch.on_message(0.9)
     assert "is being read" in watch.why_silent(0.9)
     assert watch.why_silent(1.0) == ""
     watch.on_blind(0.5)
@@ -91,7 +91,7 @@ def test_a_boot_time_that_runs_back_is_a_reboot_and_nothing_is_commanded_while_t
     times = [(100.0, 0.0), (100.5, 0.5), (100.2, 0.6), (101.0, 1.0), (3.0, 1.4), (3.1, 1.5), (3.2, 1.6), (3.3, 1.7)]
     rebooted, doubts = [], []
     for boot_s, now_s in times:
-        watch.on_heard(now_s)
+        watch.on_message(now_s)
         rebooted.append(watch.on_boot_time(boot_s, now_s))
         doubts.append("may have rebooted" in watch.why_silent(now_s + 0.2))
     assert rebooted == [False] * 6 + [True, False]

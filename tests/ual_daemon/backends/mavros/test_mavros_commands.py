@@ -30,7 +30,7 @@ class Exchange:
         self.silent_s = math.inf
         """Since when nothing is heard."""
         self.watch = LinkWatch("rosbridge", 1.0)
-        self.watch.on_heard(self.now_s)
+        self.watch.on_message(self.now_s)
         self.runner: CommandRunner[MavrosCall] = CommandRunner(
             "PX4",
             self._call,
@@ -59,7 +59,7 @@ class Exchange:
         for _ in range(round(duration_s / 0.02)):
             self.now_s += 0.02
             if self.now_s < self.silent_s:
-                self.watch.on_heard(self.now_s)
+                self.watch.on_message(self.now_s)
             if not self.calls and self.now_s < self.silent_s and self.now_s - self.heartbeat_s >= 0.1:
                 self.heartbeat_s = self.now_s
             self.runner.tick(self.now_s)

@@ -49,13 +49,13 @@ def test_a_message_after_a_clock_was_set_back_does_not_count_as_late(back_s: flo
 def test_a_state_that_waited_in_a_stall_is_known_to_be_old() -> None:
     ordering = Ordering()
     for step in range(100):
-        assert ordering.said_s(100.0 + 0.1 * step, 0.1 * step + 0.02) == pytest.approx(0.1 * step + 0.02)
+        assert ordering.state_time_s(100.0 + 0.1 * step, 0.1 * step + 0.02) == pytest.approx(0.1 * step + 0.02)
     for step in range(100, 108):
-        assert ordering.said_s(100.0 + 0.1 * step, 10.8) == pytest.approx(0.1 * step + 0.02)
+        assert ordering.state_time_s(100.0 + 0.1 * step, 10.8) == pytest.approx(0.1 * step + 0.02)
 
 
 @pytest.mark.parametrize("rate_hz", [10.0, 5.0, 1.0])
 def test_the_states_of_a_simulation_that_runs_too_slowly_are_not_old(rate_hz: float) -> None:
     ordering = Ordering()
-    ages_s = [at - ordering.said_s(100.0 + 0.9 * at, at) for at in (step / rate_hz for step in range(100))]
+    ages_s = [at - ordering.state_time_s(100.0 + 0.9 * at, at) for at in (step / rate_hz for step in range(100))]
     assert max(ages_s) < 0.3 * 0.7

@@ -12,7 +12,7 @@ from ual_daemon.backends.rosbridge.websocket import BridgeTransport
 class Socket(BridgeTransport):
     """Takes messages, unless it is full."""
 
-    heard = 0
+    received_count = 0
 
     def __init__(self) -> None:
         self.is_full = False

@@ -29,7 +29,7 @@ from ual_daemon.backends.values import (
     Zone,
 )
 from ual_daemon.flight.policy.geofence import GeofencePolicy
-from ual_daemon.flight.policy.reachable_points import reach
+from ual_daemon.flight.policy.reachable_points import reachable_points
 from ual_daemon.flight.state import Estimate
 from ual_daemon.frames.fence import Fence
 from ual_daemon.frames.resolver import FrameResolver
@@ -115,7 +115,7 @@ def geofence(settings: GeofenceSettings | None, clearance_m: float = 0.0) -> Geo
 
 def is_close(fence: Fence, moment: Moment, limits: Limits) -> bool:
     """Returns whether the answer depends on roundings: a corner of a way is right at an edge."""
-    return is_near(fence, *(Vector3(*point) for point in reach(*moment, limits)))
+    return is_near(fence, *(Vector3(*point) for point in reachable_points(*moment, limits)))
 
 
 def is_near(fence: Fence, *points: Vector3) -> bool:
@@ -190,7 +190,7 @@ def test_the_reach_is_where_the_planned_trajectories_lead(moment: Moment, limits
         return
     ways = exact_rule.ways(Motion(moment.here, 0.0, moment.own), moment.velocity, limits)
     expected = (moment.here, ways.commanded[-1], ways.own[-1], *ways.changed[1:])
-    for point, planned in zip(reach(*moment, limits), expected, strict=True):
+    for point, planned in zip(reachable_points(*moment, limits), expected, strict=True):
         assert math.dist(point, tuple(planned)) <= 1e-9 * (1.0 + math.dist(tuple(planned), tuple(moment.here)))
 
 

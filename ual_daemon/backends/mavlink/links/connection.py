@@ -124,7 +124,7 @@ class LinkConnection(MessageTransport):
             if not self.receive(0.0, now_s):
                 return
 
-    def on_heard(self, heard_s: float) -> None:
+    def on_received(self, heard_s: float) -> None:
         """Takes when the autopilot was last heard: if that is new, the link works."""
         if heard_s <= self._alive_s:
             return

@@ -78,7 +78,7 @@ class AutopilotAddress(NamedTuple):
     system_id: int | None
 
 
-def parse_place(url: str) -> AutopilotAddress:
+def parse_address(url: str) -> AutopilotAddress:
     """Returns the place that a URL of one vehicle names.
 
     Raises:
@@ -105,7 +105,7 @@ def vehicle_urls(url: str) -> list[str]:
 def vehicle_key(url: str) -> str:
     """Returns a text that is the same for all URLs of one vehicle, as far as the URLs say it."""
     try:
-        return str(parse_place(url))
+        return str(parse_address(url))
     except ConfigError:
         return url  # is refused later
 

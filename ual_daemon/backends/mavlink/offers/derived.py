@@ -8,4 +8,4 @@ from ual_daemon.backends.mavlink.offers.protocol_access import Orders
 
 def offers(orders: Orders) -> tuple[object, ...]:
     """Returns what is offered."""
-    return (gripper.offered(orders),)
+    return (gripper.make_driver(orders),)

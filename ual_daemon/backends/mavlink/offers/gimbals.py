@@ -37,7 +37,7 @@ class MavlinkGimbal(GimbalDriver):
 
     @property
     @override
-    def place(self) -> Vector3:
+    def mount_position(self) -> Vector3:
         return Vector3()  # the protocol does not tell it
 
     @override

@@ -49,12 +49,12 @@ class MavlinkGripper(OrderedGripper):
 
     @override
     def winch_status(self, instance: int) -> Future[WinchStatus]:
-        self._require_told("its winch", is_told=self._codec().tells_winches)
+        self._require_reported("its winch", is_told=self._codec().tells_winches)
         return self._read("the state of its winch", mavlink.MAVLINK_MSG_ID_WINCH_STATUS, _winch_status)
 
     @override
     def servo_pwm_us(self, channel: int) -> Future[int]:
-        self._require_told("its servos", is_told=self._codec().tells_servos)
+        self._require_reported("its servos", is_told=self._codec().tells_servos)
 
         def read(message: PayloadMessage) -> int | None:
             return _pulse_us(message, channel)
@@ -63,7 +63,7 @@ class MavlinkGripper(OrderedGripper):
 
     @override
     def relay_is_on(self, number: int) -> Future[bool]:
-        self._require_told("its relays", is_told=self._codec().tells_relays)
+        self._require_reported("its relays", is_told=self._codec().tells_relays)
 
         def read(message: PayloadMessage) -> bool | None:
             bit = 1 << (number - 1)
@@ -106,7 +106,7 @@ class MavlinkGripper(OrderedGripper):
         future.add_done_callback(lambda _: asked.cancel())
         return future
 
-    def _require_told(self, what: str, *, is_told: bool) -> None:
+    def _require_reported(self, what: str, *, is_told: bool) -> None:
         if not is_told:
             raise NotSupportedError(f"{self._name()} says nothing of {what}")
 
@@ -124,7 +124,7 @@ class MavlinkGripper(OrderedGripper):
         return session.dialect.gripper
 
 
-def offered(orders: Orders) -> MavlinkGripper:
+def make_driver(orders: Orders) -> MavlinkGripper:
     """Makes that of one backend."""
     return MavlinkGripper(orders)
 

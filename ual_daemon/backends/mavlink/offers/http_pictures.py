@@ -168,14 +168,14 @@ class _Exchange:
         timer.daemon = True
         timer.start()
         try:
-            return self._asked()
+            return self._request()
         except Exception:
             self._require_going()  # else that is why
             raise
         finally:
             timer.cancel()
 
-    def _asked(self) -> bytes:
+    def _request(self) -> bytes:
         address = urlsplit(self._url)
         with closing(_connection_to(address)) as connection:
             connection.connect()

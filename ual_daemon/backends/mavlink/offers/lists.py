@@ -67,9 +67,9 @@ def missions_of(
         session = reach.session()
         return None if session is None else session.dialect
 
-    def heard() -> ReceivedMission | None:
+    def received() -> ReceivedMission | None:
         session = reach.session()
-        found = None if session is None else session.mission_heard
+        found = None if session is None else session.mission_news
         if found is None:
             return None
         stage = _STAGES.get(found.state, MissionStage.UNKNOWN)
@@ -82,4 +82,4 @@ def missions_of(
 
         return reach.give("choose an item of its mission", begin)
 
-    return ListedMissions(MissionAccess(lists, dialect, heard, choose, fly, parameters.read, here))
+    return ListedMissions(MissionAccess(lists, dialect, received, choose, fly, parameters.read, here))

@@ -310,7 +310,7 @@ class CameraLink:
         here = self._look()
         device_id = 0 if self.identity is None else self.identity.gimbal_device_id
         viewpoint = here._replace(
-            position_geo=camera_values.place_of(message) or here.position_geo,
+            position_geo=camera_values.position_of(message) or here.position_geo,
             mounting=self._carried(device_id, here.body) if device_id else here.mounting,
         )
         stamp_s = camera_values.stamp_of(message) or utc_now_s

@@ -120,7 +120,7 @@ def stamp_us(time_us: int) -> float | None:
     return stamp_s if _EARLIEST_S <= stamp_s <= _LATEST_S else None
 
 
-def place_of(message: Message) -> GeoPoint | None:
+def position_of(message: Message) -> GeoPoint | None:
     """Reads the place of a CAMERA_IMAGE_CAPTURED; None where the camera does not know it, or where that is none."""
     is_none = abs(message.lat) > 90e7 or abs(message.lon) > 180e7
     if is_none or (not message.lat and not message.lon):

@@ -51,7 +51,7 @@ class _Request(Exchange[MetadataFile]):
         self._next_s = now_s + RETRY_S
         self._send()
 
-    def on_place(self, place: MetadataFile) -> None:
+    def on_address(self, place: MetadataFile) -> None:
         """Takes the answer."""
         self._end(place)
 
@@ -98,4 +98,4 @@ class ComponentMetadata(Protocol):
     def on_message(self, message: Message) -> None:
         """Takes a COMPONENT_METADATA."""
         for each in self._running:
-            each.on_place(MetadataFile(message.uri, message.file_crc))
+            each.on_address(MetadataFile(message.uri, message.file_crc))

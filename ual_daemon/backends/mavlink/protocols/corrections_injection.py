@@ -112,7 +112,7 @@ class CorrectionsInjection(Protocol):
         parts_mm = message.baseline_a_mm, message.baseline_b_mm, message.baseline_c_mm
         self._baseline.on_components(*parts_mm, now_s)
 
-    def seen(self, now_s: float) -> CorrectionsAge:
+    def status(self, now_s: float) -> CorrectionsAge:
         """Returns what telemetry has of them."""
         left_s = self.counts.left_s
         if left_s is None and not self._baseline.has_come:

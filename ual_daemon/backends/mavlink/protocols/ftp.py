@@ -268,7 +268,7 @@ class Ftp(Protocol):
         place = 0
         while True:
             try:
-                packet = yield from _asked(path, Opcode.LIST_DIRECTORY, place, path.encode())
+                packet = yield from _exchange(path, Opcode.LIST_DIRECTORY, place, path.encode())
             except FtpNakError as error:
                 if error.code == Nak.END_OF_FILE:
                     return found
@@ -320,7 +320,7 @@ class Ftp(Protocol):
         if file is not None and file.path == path:
             return file
         yield from self.closed()
-        packet = yield from _asked(path, Opcode.OPEN_FILE_RO, 0, path.encode(), _SESSION)
+        packet = yield from _exchange(path, Opcode.OPEN_FILE_RO, 0, path.encode(), _SESSION)
         size = int.from_bytes(packet.data[:4], "little")
         self._file = file = OpenFile(path, packet.session, size)
         file.used_s = self._now_s
@@ -332,7 +332,7 @@ class Ftp(Protocol):
         return error
 
 
-def _asked(path: str, opcode: Opcode, offset: int, data: bytes, session: int = 0) -> Steps[FtpPacket]:
+def _exchange(path: str, opcode: Opcode, offset: int, data: bytes, session: int = 0) -> Steps[FtpPacket]:
     """Asks until no other file is open, for as long as one that was left open may be."""
     for pause_s in (*BUSY_S, None):
         try:

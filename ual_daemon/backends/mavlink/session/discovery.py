@@ -194,7 +194,7 @@ class Discovery(Selector):
         kind, untaken = kind_of(heartbeat), self.receiver.untaken
         if self._is_odd(source):
             why = "waiting for an autopilot with usual ids"
-            untaken.note(source, _heard_text(source, kind, address, why), now_s)
+            untaken.note(source, _heartbeat_text(source, kind, address, why), now_s)
             if untaken.lasts_s(source, now_s) < ODD_WAIT_S:
                 return None
         is_addressable = source.system_id != ALL_SYSTEMS
@@ -213,7 +213,7 @@ class Discovery(Selector):
             why = f"this daemon flies {source_text(self.session.source)}, the first heard"
             if is_vehicle and not self.protocols.parameters.becomes(source.system_id):
                 self._tell_other(source)
-        self.receiver.untaken.note(source, _heard_text(source, kind, address, why), now_s, is_minor=not is_vehicle)
+        self.receiver.untaken.note(source, _heartbeat_text(source, kind, address, why), now_s, is_minor=not is_vehicle)
 
     @override
     def is_successor(self, source: MessageSource, now_s: float) -> bool:
@@ -328,7 +328,7 @@ class Discovery(Selector):
         )
 
 
-def _heard_text(source: MessageSource, kind: HeartbeatKind, address: Address | None, why: str) -> str:
+def _heartbeat_text(source: MessageSource, kind: HeartbeatKind, address: Address | None, why: str) -> str:
     """Returns, human-readable, what sends a heartbeat, and why it is not taken."""
     where = "" if address is None else f" at {address[0]}:{address[1]}"
     return f"{kind_text(kind)} ({source_text(source)}{where}): {why}"

@@ -79,7 +79,7 @@ class ReceiveLoop:
         """Keeps the link open, and does what is due."""
         heard_s = self._discovery.watch.heard_s
         if heard_s is not None:
-            self._connection.on_heard(heard_s)
+            self._connection.on_received(heard_s)
         self._connection.tick(now_s)
         self._discovery.tick(now_s)
         if now_s >= self._next_info_s:

@@ -217,14 +217,14 @@ class MavlinkSession:
         self.used_ids = self.decoded_ids | {EVENT_ID}
 
     @property
-    def mission_heard(self) -> MissionNews | None:
+    def mission_news(self) -> MissionNews | None:
         """The newest of what was heard of its mission. From any thread."""
         return self._protocols.progress.heard
 
     @property
     def is_urgent(self) -> bool:
         """Whether a command is under way, or a heartbeat is wanted at once, so that `tick` should be called often."""
-        return self._heartbeats.is_wanted or self._commands.is_any_under_way
+        return self._heartbeats.is_wanted or self._commands.is_any_pending
 
     def on_message(
         self, frame: MavlinkFrame, message: Message | None, address: Address | None, now_s: float, utc_now_s: float
@@ -392,7 +392,7 @@ class MavlinkSession:
             updated_s=updated_s,
             scheduling_gap=scheduling_gap,
             refused=self.refused if self._setup.refused else "",
-            corrections=self._protocols.corrections.seen(now_s),
+            corrections=self._protocols.corrections.status(now_s),
             severe_texts=self._severe_texts.fresh(now_s),
             aids=causes.aids,
         )
@@ -719,7 +719,7 @@ class MavlinkSession:
 
     def _request_origin(self, now_s: float) -> None:
         request = request_message(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN)
-        if now_s >= self._next_origin_s and not self._commands.is_under_way(request):
+        if now_s >= self._next_origin_s and not self._commands.is_pending(request):
             self._next_origin_s = now_s + ORIGIN_S
             self._commands.submit(request, now_s)
 

@@ -114,7 +114,7 @@ class SetupRequests:
             is_answered = _is_answered(future)
             is_refused = is_answered and future is not None and future.exception() is not None
             is_settled = is_answered and (is_refused or self._flows(command)) and not self._has_dropped(command, now_s)
-            if not (is_settled or self._commands.is_under_way(command)):
+            if not (is_settled or self._commands.is_pending(command)):
                 if future is not None and not is_answered:
                     self._unanswered.add(command)
                 self._streams[command] = self._commands.submit(command, now_s)
@@ -124,7 +124,7 @@ class SetupRequests:
             request = request_message(message_id)
             has_come = counts[message_id] > self._counts_at_start[message_id]
             is_settled = has_come and message_id not in self._dialect.changing_messages
-            if not (is_settled or self._commands.is_under_way(request)):
+            if not (is_settled or self._commands.is_pending(request)):
                 self._commands.submit(request, now_s)
 
     def _note_refused(self) -> None:

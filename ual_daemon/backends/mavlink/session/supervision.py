@@ -69,13 +69,13 @@ class LinkCounts:
         watch, gaps = self.watch, self._gaps
         heard_s = watch.heard_s
         if heard_s is not None and now_s - heard_s <= _SHORT_SILENCE_S and watch.state is _CONNECTED:
-            watch.heard_s, silence_s = now_s, 0.0  # as `on_heard` does, without a call
+            watch.heard_s, silence_s = now_s, 0.0  # as `on_message` does, without a call
             if sequence == gaps.next and now_s < self._counted_until_s:  # nearly always
                 gaps.next = sequence + 1 & 0xFF
                 self._second.received_count += 1
                 return
         else:
-            silence_s = watch.on_heard(now_s)
+            silence_s = watch.on_message(now_s)
         if silence_s > _SHORT_SILENCE_S and silence_s * self._rate_hz(now_s - silence_s) > LATE_COUNT:
             self._gaps = SequenceGaps()  # the numbers may have wrapped: they do not show what was lost
         if now_s >= self._counted_until_s:

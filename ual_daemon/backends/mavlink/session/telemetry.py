@@ -381,19 +381,19 @@ class AutopilotTelemetry:
     def _on_gps_global_origin(self, message: Message, _now_s: float, _: float) -> None:
         latitude_deg, longitude_deg = degrees(message.latitude), degrees(message.longitude)
         altitude_m, judge = milli(message.altitude), self.plausibility
-        if judge.accepts_place(latitude_deg, longitude_deg) and judge.accepts_altitude(altitude_m):
+        if judge.accepts_geo_position(latitude_deg, longitude_deg) and judge.accepts_altitude(altitude_m):
             self.origin.on_origin(self._dialect.projection(latitude_deg, longitude_deg, altitude_m))
 
     def _on_home_position(self, message: Message, now_s: float, _: float) -> None:
         altitude_m = milli(message.altitude)
         if self._home.is_next(now_s) and self.plausibility.accepts_altitude(altitude_m):
-            place = self._place_of_home(degrees(message.latitude), degrees(message.longitude))
+            place = self._home_position(degrees(message.latitude), degrees(message.longitude))
             self._home.set(_Home(altitude_m, place), now_s)
 
-    def _place_of_home(self, latitude_deg: float, longitude_deg: float) -> GeoPoint | None:
+    def _home_position(self, latitude_deg: float, longitude_deg: float) -> GeoPoint | None:
         if latitude_deg == longitude_deg == 0.0:  # not known: an autopilot may send it before its first fix
             return None
-        is_on_earth = self.plausibility.accepts_place(latitude_deg, longitude_deg)
+        is_on_earth = self.plausibility.accepts_geo_position(latitude_deg, longitude_deg)
         return GeoPoint(latitude_deg, longitude_deg) if is_on_earth else None
 
     def _on_gps_raw_int(self, message: Message, _now_s: float, _: float) -> None:

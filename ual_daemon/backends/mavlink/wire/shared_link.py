@@ -103,13 +103,13 @@ class _LinkReading:
     def _run(self) -> None:
         while not self._closing.is_set():
             try:
-                self._look()
+                self._poll()
             except Exception as error:  # noqa: BLE001 - the callers must see a lost link that comes back
                 self._failures.log(error)
                 self.connection.restart(self._clock.now_s())
                 self._closing.wait(WAIT_S)
 
-    def _look(self) -> None:
+    def _poll(self) -> None:
         """Waits for data once, and hands them over. After a pause of this thread nobody knows how old they are."""
         connection = self.connection
         connection.tick(self._clock.now_s())
@@ -147,7 +147,7 @@ class _LinkReading:
 
     def _give(self, found: Iterable[Piece], address: Address | None, now_s: float) -> None:
         for piece in found:
-            self.connection.on_heard(now_s)
+            self.connection.on_received(now_s)
             vehicle = self.vehicles.get(piece.system_id)
             if vehicle is not None:
                 vehicle.put((piece.data, address))

@@ -99,7 +99,7 @@ class MavrosGimbal(FindableGimbal):
 
     @property
     @override
-    def place(self) -> Vector3:
+    def mount_position(self) -> Vector3:
         return Vector3()  # nothing tells it
 
     @override

@@ -73,7 +73,7 @@ class MavrosLists(ItemLists):
         return self._read(kind, READS_COUNT)
 
     def _read(self, kind: MissionType, reads_count: int) -> Future[MissionList]:
-        before_count = self._heard(kind).messages_count
+        before_count = self._received(kind).messages_count
         pulled = self._services.call_free(f"{_PLUGINS[kind]}/pull", {}, TRANSFER_S, _reading(kind))
         return then_wait(pulled, lambda answer: self._pulled(kind, answer, before_count, reads_count - 1))
 
@@ -88,8 +88,8 @@ class MavrosLists(ItemLists):
     def _settled(self, kind: MissionType, count: int, before_count: int, looks_count: int) -> Future[MissionList]:
         """Waits for what was read."""
 
-        def look(_: None) -> Future[MissionList]:
-            heard = self._heard(kind)
+        def check(_: None) -> Future[MissionList]:
+            heard = self._received(kind)
             if heard.messages_count > before_count and len(heard.items) == count:
                 return done(MissionList(heard.items))
             if looks_count <= 1:
@@ -97,7 +97,7 @@ class MavrosLists(ItemLists):
                 raise UalTimeoutError(text, {"list": kind.text})
             return self._settled(kind, count, before_count, looks_count - 1)
 
-        return then_wait(self._services.pause(SETTLE_S), look)
+        return then_wait(self._services.pause(SETTLE_S), check)
 
     # --- The current item ---------------------------------------------------------------------------------------------
 
@@ -105,7 +105,7 @@ class MavrosLists(ItemLists):
         if isinstance(refusal(), UndecidedError):
             pause = self._services.pause(SHOWN_S)
             return then_wait(pause, lambda _: self._choose(seq, shown_by, refusal, choices_count))
-        before_count = self._heard(MissionType.MISSION).messages_count
+        before_count = self._received(MissionType.MISSION).messages_count
         chosen = self._services.call_free(topics.SET_CURRENT, {"wp_seq": seq}, CHOOSE_S, _CHOOSE, refusal=refusal)
 
         def again() -> Future[None]:
@@ -120,7 +120,7 @@ class MavrosLists(ItemLists):
     ) -> Future[None]:
         """Waits until the current item is one of some. MAVROS' answer says only that one was told."""
         heard = self._topics().heard
-        is_new = self._heard(MissionType.MISSION).messages_count > before_count
+        is_new = self._received(MissionType.MISSION).messages_count > before_count
         if heard is not None and is_new and heard.seq in shown_by:
             return done(None)
         if looks_count <= 0:
@@ -128,7 +128,7 @@ class MavrosLists(ItemLists):
         pause = self._services.pause(SHOWN_S)
         return then_wait(pause, lambda _: self._shown(shown_by, before_count, looks_count - 1, otherwise))
 
-    def _heard(self, kind: MissionType) -> ReceivedList:
+    def _received(self, kind: MissionType) -> ReceivedList:
         return self._topics().lists[kind]
 
     def _topics(self) -> MissionTopics:
@@ -174,7 +174,7 @@ class _Replacement:
             return self._again()
         got = answer.get("wp_transfered")
         how_far = "" if got is None else f", MAVROS got as far as item {got} of {len(self._items)}"
-        text = f"{self._kind.text}: the autopilot has not taken it{how_far}{self._said()}; MAVROS' log says why"
+        text = f"{self._kind.text}: the autopilot has not taken it{how_far}{self._status_text()}; MAVROS' log says why"
         raise RejectedByAutopilotError(f"{text}; read what the autopilot has now", {"list": self._kind.text})
 
     def _unread(self, error: BaseException) -> Future[MissionList]:
@@ -194,7 +194,7 @@ class _Replacement:
     def _counts(self) -> int:
         return session_of(self._services).telemetry.counts[topics.STATUS_TEXT]
 
-    def _said(self) -> str:
+    def _status_text(self) -> str:
         """Returns what the autopilot has said meanwhile."""
         has_said = self._counts() > self._texts_count
         return f"; it said: {session_of(self._services).telemetry.status_text}" if has_said else ""

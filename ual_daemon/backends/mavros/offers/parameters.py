@@ -217,7 +217,7 @@ class MavrosParameters(AutopilotParameters):
         doubt = f"it is not known whether {wanted.name} is {wanted.text} now"
         answer = self._services.call(topics.SET_PARAMETER, self._arguments(wanted), SET_S, _WRITE, doubt)
         kept = caught(then(answer, partial(self._kept, wanted)), _unless_busy)
-        return then_wait(kept, lambda found: self._judged(found, wanted, refusal, tries_count - 1))
+        return then_wait(kept, lambda found: self._verdict(found, wanted, refusal, tries_count - 1))
 
     def _arguments(self, wanted: Parameter) -> Message:
         is_whole = wanted.type.is_whole
@@ -237,7 +237,7 @@ class MavrosParameters(AutopilotParameters):
         found = int(value["integer"]) if wanted.type.is_whole else number(value["real"])
         return _parameter(wanted.name, found)
 
-    def _judged(
+    def _verdict(
         self, kept: Parameter | None, wanted: Parameter, refusal: Refusal, tries_count: int
     ) -> Future[Parameter]:
         if kept is not None and kept.value == wanted.value:

@@ -43,7 +43,7 @@ def devices(found: Equipment) -> Iterator[Fields]:
         state = "" if gripper.state is GripperState.UNKNOWN else gripper.state.name
         yield _device("gripper", gripper.name, state, None, gripper.ordered, gripper.note)
     for winch in found.winches:
-        yield {**_device("winch", winch.name, "", _line(winch), winch.ordered, winch.note), **_of_winch(winch.status)}
+        yield {**_device("winch", winch.name, "", _rope(winch), winch.ordered, winch.note), **_of_winch(winch.status)}
     for servo in found.servos:
         device = _device("servo", servo.name, servo.position, _pulse(servo), servo.ordered, servo.note)
         yield {**device, **_of_servo(servo)}
@@ -63,7 +63,7 @@ def _device(kind: str, name: str, state: str, value: float | None, ordered: str,
     }
 
 
-def _line(winch: WinchInfo) -> float | None:
+def _rope(winch: WinchInfo) -> float | None:
     return None if winch.status is None else winch.status.length_m
 
 

@@ -27,18 +27,18 @@ class Filling:
             self._put(message, name, value)
         return message
 
-    def told(self, make: Callable[[], Message]) -> Callable[[Fields], Mapping[str, Message]]:
+    def to_messages(self, make: Callable[[], Message]) -> Callable[[Fields], Mapping[str, Message]]:
         """Returns what makes fields those of messages of one type."""
 
-        def told(fields: Fields) -> Mapping[str, Message]:
+        def to_messages(fields: Fields) -> Mapping[str, Message]:
             answer = self.filled(make(), fields)
             return {name: getattr(answer, name) for name in fields}
 
-        return told
+        return to_messages
 
     def command(self, service: Service, call: Serves, **more: Any) -> RosCommand:  # noqa: ANN401 (what else it has)
         """Returns the command of a service that follows from the contract."""
-        told = self.told(service.kind.Response)
+        told = self.to_messages(service.kind.Response)
         return RosCommand(service.name, service.kind, call, service.frames_of, told, method=service.method, **more)
 
     def _put(self, message: Message, name: str, value: object) -> None:

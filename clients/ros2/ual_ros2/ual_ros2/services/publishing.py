@@ -84,7 +84,7 @@ class TopicPublisher:
         """Publishes for ever, while it is heard."""
         was_heard = False
         while True:
-            is_heard = topics.is_heard(self._publisher)
+            is_heard = topics.has_subscribers(self._publisher)
             if is_heard:
                 was_heard = await self._tell(was_heard)
             was_heard = was_heard and is_heard

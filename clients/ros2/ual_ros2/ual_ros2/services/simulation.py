@@ -8,7 +8,7 @@ from ual_ros2.messages import Message
 from ual_ros2.services.fields import Fields
 
 
-async def is_offered(uav: ual.aio.Uav, info: ual.Info) -> bool:
+async def is_available(uav: ual.aio.Uav, info: ual.Info) -> bool:
     """Returns whether the daemon offers its simulation. That of a real UAV is not asked, as its info says so.
 
     A simulated UAV need not have one to offer: that of an autopilot's own simulator does not.

@@ -84,7 +84,7 @@ class UavServices:
 
     async def on_connected(self, info: ual.Info) -> None:
         """Adds the services of the simulation where the daemon has one. It is asked once for each connection."""
-        if not self._is_simulated and await simulation.is_offered(self._uav, info):
+        if not self._is_simulated and await simulation.is_available(self._uav, info):
             self._is_simulated = True
             self._services += [self._service(each) for each in self._table.simulation()]
 

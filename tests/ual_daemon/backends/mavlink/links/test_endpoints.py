@@ -7,7 +7,7 @@ from ual_daemon.backends.mavlink.links.endpoints import (
     SerialEndpoint,
     TcpEndpoint,
     UdpEndpoint,
-    parse_place,
+    parse_address,
     parse_url,
     vehicle_urls,
 )
@@ -97,9 +97,9 @@ def test_a_url_that_cannot_be_used_is_refused_in_one_line_with_the_right_spellin
 
 def test_a_url_may_name_the_system_id_behind_any_link() -> None:
     udp = UdpEndpoint("0.0.0.0", 14550, is_listening=True)
-    assert parse_place("udp://:14550") == (udp, None)
-    assert parse_place("udp://:14550?system_id=7") == (udp, 7)
-    assert parse_place("serial:///dev/ttyUSB0:57600?system_id=254") == (SerialEndpoint("/dev/ttyUSB0", 57600), 254)
+    assert parse_address("udp://:14550") == (udp, None)
+    assert parse_address("udp://:14550?system_id=7") == (udp, 7)
+    assert parse_address("serial:///dev/ttyUSB0:57600?system_id=254") == (SerialEndpoint("/dev/ttyUSB0", 57600), 254)
 
 
 def test_a_url_may_name_several_vehicles() -> None:

@@ -119,7 +119,7 @@ def test_a_server_that_is_not_there_yet_is_told_once_and_found(caplog: pytest.Lo
         with listener(port):
             run.until(lambda: run.connections_count, passed_s=0.5)
             assert run.connection.trouble == ""
-            run.connection.on_heard(run.now_s + 0.1)
+            run.connection.on_received(run.now_s + 0.1)
             assert run.connection.trouble == ""
     warnings = [record.message for record in caplog.records if record.levelno >= logging.WARNING]
     assert warnings == [f"cannot connect to TCP {HERE}:{port}: nobody listens there; trying again"]
@@ -146,7 +146,7 @@ def test_a_half_open_connection_shows_by_its_silence(server: socket.socket) -> N
         run.until(lambda: run.connections_count == 1)
         with server.accept()[0]:  # stays open and says nothing
             run.step(SILENCE_S - 0.1)
-            run.connection.on_heard(run.now_s)
+            run.connection.on_received(run.now_s)
             run.step(SILENCE_S - 0.1)
             assert run.connection.trouble == ""
             run.step(0.2)
@@ -235,7 +235,7 @@ def test_the_pause_between_attempts_grows_and_is_short_again_after_it_went_well(
         assert pauses[0] < 0.4
         assert all(after >= before - 0.1 for before, after in itertools.pairwise(pauses))
         assert pauses[-1] == pytest.approx(LONGEST_PAUSE_S, abs=0.3)
-        run.connection.on_heard(run.now_s)
+        run.connection.on_received(run.now_s)
         attempts.clear()
         for _ in range(100):
             run.step(0.05)
@@ -461,7 +461,7 @@ def test_a_device_that_comes_goes_and_comes_again(line: Line, caplog: pytest.Log
             run.until(lambda count=count: run.connections_count == count, passed_s=0.5)  # type: ignore[misc]
             os.write(line.device, b"hello")
             run.until(lambda: run.got == b"hello")
-            run.connection.on_heard(run.now_s + 0.1)
+            run.connection.on_received(run.now_s + 0.1)
             run.got = b""
             line.unplug()
             run.until(lambda: run.connection.trouble)
@@ -480,7 +480,7 @@ def test_what_was_heard_before_it_broke_does_not_tell_that_it_works_again(line: 
         line.unplug()
         run.until(lambda: run.connection.trouble)
         trouble = run.connection.trouble
-        run.connection.on_heard(heard_s)  # the last message, which the caller notes only now
+        run.connection.on_received(heard_s)  # the last message, which the caller notes only now
         assert run.connection.trouble == trouble
 
 
@@ -608,7 +608,7 @@ def test_discarding_what_has_arrived_ends_though_there_is_always_more() -> None:
 
 
 def test_a_numeric_address_is_not_looked_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Host, "_look_up", lambda *_: pytest.fail("looked up"))
+    monkeypatch.setattr(Host, "_resolve", lambda *_: pytest.fail("looked up"))
     for name in ("127.0.0.1", "::1"):
         _, address = Host(name, 14540, socket.SOCK_DGRAM, LinkError).address()
         assert address[:2] == (name, 14540)

@@ -164,11 +164,11 @@ def test_what_waits_is_dropped_where_the_link_is_lost_and_at_a_boot(bench: Bench
 
 
 def test_the_age_is_that_of_the_last_whole_message(bench: Bench) -> None:
-    assert bench.injection.seen(bench.now_s) is NO_CORRECTIONS
+    assert bench.injection.status(bench.now_s) is NO_CORRECTIONS
     bench.injection.give(message(400))
     bench.tick(2)
-    assert bench.injection.seen(bench.now_s + 2.0).age_s == pytest.approx(2.0, abs=0.1)
-    assert bench.injection.seen(bench.now_s + 2.0).baseline_m is None
+    assert bench.injection.status(bench.now_s + 2.0).age_s == pytest.approx(2.0, abs=0.1)
+    assert bench.injection.status(bench.now_s + 2.0).baseline_m is None
 
 
 def test_the_base_line_is_asked_for_while_corrections_are_sent_and_believed_while_it_is_new() -> None:
@@ -182,8 +182,8 @@ def test_the_base_line_is_asked_for_while_corrections_are_sent_and_believed_whil
     assert asked == [(511, 127), (511, 128)] * 2
     rtk = mavlink.MAVLink_gps_rtk_message(0, 0, 0, 0, 0, 1, 12, 1, 3_000, 4_000, -12_000, 0, 0)
     bench.injection.on_baseline(rtk, bench.now_s)
-    assert bench.injection.seen(bench.now_s).baseline_m == pytest.approx(13.0)
-    assert bench.injection.seen(bench.now_s + FRESH_S + 0.1).baseline_m is None
+    assert bench.injection.status(bench.now_s).baseline_m == pytest.approx(13.0)
+    assert bench.injection.status(bench.now_s + FRESH_S + 0.1).baseline_m is None
 
 
 def test_a_px4_is_not_asked_for_what_it_does_not_have(bench: Bench) -> None:

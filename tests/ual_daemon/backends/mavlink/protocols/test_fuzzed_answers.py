@@ -184,7 +184,7 @@ class FuzzedAccess:
 
     def session(self) -> Any:
         heard = self._link.progress.heard
-        return SimpleNamespace(dialect=self._link.dialect, mission_heard=heard)
+        return SimpleNamespace(dialect=self._link.dialect, mission_news=heard)
 
     def give(self, what: str, begin: Callable[[Any, Future[Any]], None]) -> Future[Any]:
         future: Future[Any] = Future()

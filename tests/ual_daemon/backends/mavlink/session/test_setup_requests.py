@@ -32,7 +32,7 @@ def asked(dialect: Dialect, rates_hz: Mapping[int, float], duration_s: float = 6
     found: Counter[int] = Counter()
 
     class Acknowledged:
-        def is_under_way(self, _: LongCommand) -> bool:
+        def is_pending(self, _: LongCommand) -> bool:
             return False
 
         def submit(self, command: LongCommand, _: float) -> Future[None]:
