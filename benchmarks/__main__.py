@@ -22,7 +22,7 @@ from benchmarks.children import REPOSITORY, Child, ChildError, prefer_this, prio
 from benchmarks.effort import FULL, QUICK, Effort
 from benchmarks.measures import memory, noise, processor, setpoints, start, telemetry
 from benchmarks.results import Results
-from benchmarks.setups import SERVER_WAYS, SETPOINT_WAYS, TELEMETRY_WAYS, Way
+from benchmarks.setups import SERVER_WAYS, SETPOINT_WAYS, TELEMETRY_WAYS, ClientSetup
 
 _README = Path(__file__).parent / "README.md"
 _FIGURES = Path(__file__).parent / "figures"
@@ -95,7 +95,7 @@ def measure(effort: Effort, rounds: int, parts: list[str] | tuple[str, ...]) -> 
 
 
 def _each(
-    what: str, ways: tuple[Way, ...], measure_way: Callable[[Way], None]
+    what: str, ways: tuple[ClientSetup, ...], measure_way: Callable[[ClientSetup], None]
 ) -> Iterator[tuple[str, Callable[[], None]]]:
     return ((f"{what}, {way.name}", partial(measure_way, way)) for way in ways if not way.is_missing)
 

@@ -13,7 +13,7 @@ from benchmarks.servers import BareServer, MavsdkServer, UalDaemon
 
 
 @dataclass(frozen=True)
-class Way:
+class ClientSetup:
     """One way: its name in tables, the module of `benchmarks.peers`, and the server's address, if there is a server.
 
     `flags` are further ones of ``ual-daemon``. With `has_fence` the vehicle has a fence of its own, and so has UAL.
@@ -36,21 +36,21 @@ FENCE = ((-8.0, -8.0), (13.0, -8.0), (13.0, 72.0), (-8.0, 72.0))
 FENCE_FLAGS = ("--set", f"geofence.polygon={[list(corner) for corner in FENCE]}")
 """The flags of ``ual-daemon`` that configure it."""
 
-RAW = Way("pymavlink", "raw")
-NATIVE = Way("mavsdk", "native")
-MAVSDK_GRPC = Way("mavsdk-grpc", "mavsdk_grpc", "tcp")
-CLASS = Way("UAL class", "ual_class")
-STREAM = Way("UAL stream", "ual_stream", "tcp")
-STREAM_UNIX = Way("UAL stream, unix", "ual_stream", "unix")
-STREAM_AIO = Way("UAL stream, grpc.aio", "ual_stream", "tcp", ("--transport", "aio"))
-UNARY = Way("UAL unary", "ual_unary", "tcp")
-UNARY_UNIX = Way("UAL unary, unix", "ual_unary", "unix")
-UNARY_AIO = Way("UAL unary, grpc.aio", "ual_unary", "tcp", ("--transport", "aio"))
-CLASS_FENCE = Way("UAL class, fence", "ual_class_fence", has_fence=True)
-STREAM_FENCE = Way("UAL stream, fence", "ual_stream", "tcp", FENCE_FLAGS, has_fence=True)
-UNARY_FENCE = Way("UAL unary, fence", "ual_unary", "tcp", FENCE_FLAGS, has_fence=True)
-BARE_STREAM = Way("gRPC alone, stream", "grpc_stream", "tcp")
-BARE_UNARY = Way("gRPC alone, unary", "grpc_unary", "tcp")
+RAW = ClientSetup("pymavlink", "raw")
+NATIVE = ClientSetup("mavsdk", "native")
+MAVSDK_GRPC = ClientSetup("mavsdk-grpc", "mavsdk_grpc", "tcp")
+CLASS = ClientSetup("UAL class", "ual_class")
+STREAM = ClientSetup("UAL stream", "ual_stream", "tcp")
+STREAM_UNIX = ClientSetup("UAL stream, unix", "ual_stream", "unix")
+STREAM_AIO = ClientSetup("UAL stream, grpc.aio", "ual_stream", "tcp", ("--transport", "aio"))
+UNARY = ClientSetup("UAL unary", "ual_unary", "tcp")
+UNARY_UNIX = ClientSetup("UAL unary, unix", "ual_unary", "unix")
+UNARY_AIO = ClientSetup("UAL unary, grpc.aio", "ual_unary", "tcp", ("--transport", "aio"))
+CLASS_FENCE = ClientSetup("UAL class, fence", "ual_class_fence", has_fence=True)
+STREAM_FENCE = ClientSetup("UAL stream, fence", "ual_stream", "tcp", FENCE_FLAGS, has_fence=True)
+UNARY_FENCE = ClientSetup("UAL unary, fence", "ual_unary", "tcp", FENCE_FLAGS, has_fence=True)
+BARE_STREAM = ClientSetup("gRPC alone, stream", "grpc_stream", "tcp")
+BARE_UNARY = ClientSetup("gRPC alone, unary", "grpc_unary", "tcp")
 FLOORS = {
     **dict.fromkeys((STREAM, STREAM_FENCE), BARE_STREAM),
     **dict.fromkeys((UNARY, UNARY_FENCE), BARE_UNARY),
@@ -73,7 +73,7 @@ Server = UalDaemon | MavsdkServer | BareServer
 class SetupFlight:
     """One way with its processes."""
 
-    way: Way
+    way: ClientSetup
     port: int
     client: Child
     server: Server | None
@@ -86,12 +86,12 @@ class SetupFlight:
 
 
 @contextmanager
-def server_of(way: Way, port: int) -> Iterator[Server | None]:
+def server_of(way: ClientSetup, port: int) -> Iterator[Server | None]:
     """Returns the server of a way, for the vehicle that sends to a port. The vehicle must be flying."""
     if not way.address:
         yield None
         return
-    kinds: dict[Way, type[MavsdkServer | BareServer]] = {
+    kinds: dict[ClientSetup, type[MavsdkServer | BareServer]] = {
         MAVSDK_GRPC: MavsdkServer,
         BARE_STREAM: BareServer,
         BARE_UNARY: BareServer,
@@ -106,7 +106,7 @@ def server_of(way: Way, port: int) -> Iterator[Server | None]:
 
 
 @contextmanager
-def running_setup(vehicle: Child, way: Way) -> Iterator[SetupFlight]:
+def running_setup(vehicle: Child, way: ClientSetup) -> Iterator[SetupFlight]:
     """Provides the vehicle, its server and client, once all are connected and a setpoint was sent."""
     port = free_port(socket.SOCK_DGRAM)
     vehicle.ask("fly", port=port, has_fence=way.has_fence)

@@ -17,7 +17,7 @@ from benchmarks.setups import (
     STREAM_FENCE,
     UNARY,
     UNARY_FENCE,
-    Way,
+    ClientSetup,
 )
 
 _MANY = 100
@@ -65,7 +65,9 @@ def rows(results: Results) -> Iterator[TargetRow]:
     yield _most(results, "import_ms", "ual --help", 250.0, "ms", "ual --help".__eq__)
 
 
-def _of_setpoints(results: Results, where: str, in_process: Way, stream: Way, unary: Way) -> Iterator[TargetRow]:
+def _of_setpoints(
+    results: Results, where: str, in_process: ClientSetup, stream: ClientSetup, unary: ClientSetup
+) -> Iterator[TargetRow]:
     """Yields the lines of setpoints, and of the processor at 50 Hz, for the ways without a fence or with one."""
     for name, statistic in (("p50", p50), ("p99", p99)):
         yield _ratio(results, "setpoint_ms", in_process, NATIVE, statistic, f"class interface{where}, {name}", 1.2)
@@ -81,8 +83,8 @@ def _of_setpoints(results: Results, where: str, in_process: Way, stream: Way, un
 def _ratio(
     results: Results,
     measure: str,
-    way: Way,
-    to: Way,
+    way: ClientSetup,
+    to: ClientSetup,
     statistic: Statistic,
     what: str,
     limit: float,

@@ -11,7 +11,7 @@ from benchmarks.children import Child
 from benchmarks.effort import QUICK
 from benchmarks.measures import processor, setpoints
 from benchmarks.results import Results, p50, p99
-from benchmarks.setups import STREAM, Way
+from benchmarks.setups import STREAM, ClientSetup
 
 _LATE_MS = 20.0
 """A setpoint that comes later than the next one is sent is late."""
@@ -25,12 +25,12 @@ def rounds(what: str) -> int:
     return int(parser.parse_args().rounds)
 
 
-def setup(name: str, *flags: str) -> Way:
+def setup(name: str, *flags: str) -> ClientSetup:
     """Returns the way with these flags."""
-    return Way(f"{STREAM.name}, {name}", STREAM.peer, STREAM.address, flags)
+    return ClientSetup(f"{STREAM.name}, {name}", STREAM.peer, STREAM.address, flags)
 
 
-def measure(vehicle: Child, results: Results, with_it: Way, count: int) -> None:
+def measure(vehicle: Child, results: Results, with_it: ClientSetup, count: int) -> None:
     """Measures both ways, in turns."""
     for results.round in range(count):
         for each in (STREAM, with_it) if results.round % 2 else (with_it, STREAM):
@@ -38,7 +38,7 @@ def measure(vehicle: Child, results: Results, with_it: Way, count: int) -> None:
             processor.measure(vehicle, results, each)
 
 
-def report(results: Results, with_it: Way, most_percent: float) -> bool:
+def report(results: Results, with_it: ClientSetup, most_percent: float) -> bool:
     """Prints the figures, and the targets with PASS or FAIL. Returns whether all are met."""
     for each in (STREAM, with_it):
         latencies = results.all("setpoint_ms", each.name)
@@ -55,7 +55,7 @@ def report(results: Results, with_it: Way, most_percent: float) -> bool:
     return is_met
 
 
-def _verdicts(results: Results, with_it: Way, most_percent: float) -> Iterator[tuple[str, float, str, bool]]:
+def _verdicts(results: Results, with_it: ClientSetup, most_percent: float) -> Iterator[tuple[str, float, str, bool]]:
     """Returns the targets: name, figure, limit as text, and whether it is met."""
     without_percent, with_percent = (results.all("server_percent", each.name) for each in (STREAM, with_it))
     more = statistics.median(with_percent) - statistics.median(without_percent)

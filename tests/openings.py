@@ -48,7 +48,7 @@ def of_module(text: str) -> list[Opening]:
     if not _SUSPECT.search(text):
         return []  # to parse takes most of the time
     tree = ast.parse(text)
-    of_functions = set(_function_lines(tree))
+    of_functions = set(_function_rows(tree))
     return [
         Opening(line, " ".join(said.split()[:8]), found)
         for line, said in docstrings(tree)
@@ -64,7 +64,7 @@ def _proposal(said: str, *, is_functions: bool) -> str:
     return list(_PROPOSALS.values())[int(str(found.lastgroup)[1:])] if found else ""
 
 
-def _function_lines(tree: ast.Module) -> Iterator[int]:
+def _function_rows(tree: ast.Module) -> Iterator[int]:
     """Yields the lines of the docstrings of functions; properties and fixtures are read as nouns."""
     for node in ast.walk(tree):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and not _is_noun(node):

@@ -64,15 +64,15 @@ def of_page(text: str) -> list[Sentence]:
 
 def of_module(text: str) -> list[Sentence]:
     """Returns the sentences of a module's comments and docstrings."""
-    return sorted([*_of_docstrings(text), *_sentences(_comment_lines(text))])
+    return sorted([*_of_docstrings(text), *_sentences(_comment_rows(text))])
 
 
 def of_contract(text: str) -> list[Sentence]:
     """Returns the sentences of the comments of a ``.proto`` file."""
-    return _sentences(_contract_lines(text))
+    return _sentences(_contract_rows(text))
 
 
-def _contract_lines(text: str) -> Lines:
+def _contract_rows(text: str) -> Lines:
     """Yields the comments, but no tables (indented); one that stands behind code is a paragraph of its own."""
     for number, line in enumerate(text.splitlines(), 1):
         code, _, said = line.partition("//")
@@ -84,7 +84,7 @@ def _contract_lines(text: str) -> Lines:
 
 
 def _of_docstrings(text: str) -> list[Sentence]:
-    return [each for line, said in docstrings(ast.parse(text)) for each in _sentences(_docstring_lines(line, said))]
+    return [each for line, said in docstrings(ast.parse(text)) for each in _sentences(_docstring_rows(line, said))]
 
 
 def of_file(path: Path) -> list[Sentence]:
@@ -144,7 +144,7 @@ def docstrings(node: ast.AST) -> Iterator[tuple[int, str]]:
         yield from docstrings(each)
 
 
-def _docstring_lines(first: int, text: str) -> Lines:
+def _docstring_rows(first: int, text: str) -> Lines:
     """Yields the lines, with the entries of sections (``Args:``) as paragraphs of their own."""
     is_section = is_code = False
     for number, line in enumerate(text.splitlines(), first):
@@ -163,7 +163,7 @@ def _docstring_lines(first: int, text: str) -> Lines:
             is_code = line.rstrip().endswith("::")
 
 
-def _comment_lines(text: str) -> Lines:
+def _comment_rows(text: str) -> Lines:
     """Yields the comments; one that stands behind code, or after a gap, is a paragraph of its own."""
     last = 0
     for token in tokenize.generate_tokens(io.StringIO(text).readline):

@@ -31,7 +31,7 @@ def test_a_changed_test_is_run_itself(graph: grimp.ImportGraph) -> None:
     assert tests_that_see(graph, ["tests/test_other.py"], 1) == ["tests/test_other.py"]
 
 
-def test_a_file_is_seen_by_the_tests_that_name_it_or_all_of_its_kind(graph: grimp.ImportGraph) -> None:
+def test_a_file_is_visible_to_the_tests_that_name_it_or_all_of_its_kind(graph: grimp.ImportGraph) -> None:
     assert "tests/test_docs.py" in tests_that_see(graph, ["docs/how-to/missions.md"], 2)
     assert tests_that_see(graph, ["proto/" + "no_such" + ".unheard"], 2) == []
 

@@ -69,7 +69,7 @@ def test_a_method_that_needs_the_lease_must_take_it(contract: FileDescriptorSet)
             faces([replace(gripper, members=[other])])
 
 
-def test_a_new_field_of_telemetry_needs_its_line_only(contract: FileDescriptorSet) -> None:
+def test_a_new_field_of_telemetry_needs_its_row_only(contract: FileDescriptorSet) -> None:
     """Derived code writes the fields that change rarely, and reads all fields."""
     copy = FileDescriptorSet()
     copy.CopyFrom(contract)

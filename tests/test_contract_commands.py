@@ -59,7 +59,7 @@ def test_a_member_is_a_command_with_its_arguments(logs: ContractPart) -> None:
     assert command.examples == ("ual logs play-tune NAME",)
 
 
-def test_what_is_told_is_printed_and_what_is_done_is_said(logs: ContractPart) -> None:
+def test_what_is_reported_is_printed_and_what_is_done_is_reported(logs: ContractPart) -> None:
     assert "session.emit(found, str(found))" in commands_source.commands(with_member(logs, "name: str", "Log"))
     assert '{"done": "logs play-tune"}' in commands_source.commands(with_member(logs, "name: str"))
 

@@ -54,7 +54,7 @@ class Juggler:
         """Enables it."""
 
 
-def test_a_new_service_needs_no_line(contract: FileDescriptorSet, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_new_service_needs_no_row(contract: FileDescriptorSet, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ual.interface, "Juggler", Juggler, raising=False)
     copy = FileDescriptorSet()
     copy.CopyFrom(contract)

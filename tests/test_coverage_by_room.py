@@ -43,7 +43,7 @@ def test_rooms_come_with_the_least_reached_first(tmp_path: Path) -> None:
     ]
 
 
-def test_lines_that_are_not_reached_come_in_runs(tmp_path: Path) -> None:
+def test_rows_that_are_not_reached_come_in_runs(tmp_path: Path) -> None:
     assert run(tmp_path, "--missing") == [
         "clients/python/ual/aio/_uav.py: 9",
         "ual_daemon/backends/light/world.py: 2-4",

@@ -27,7 +27,7 @@ def imported(package: Path) -> set[str]:
     return {name.partition(".")[0] for name in found} - sys.stdlib_module_names
 
 
-def asked_for(pyproject: Path) -> set[str]:
+def requested(pyproject: Path) -> set[str]:
     """The names of the distributions that it asks for, always or as an extra."""
     text = pyproject.read_text(encoding="utf-8").partition("\ndev = [")[0]
     return {name.lower() for name in re.findall(r'"([A-Za-z0-9-]+)\s*[=><]', text)}
@@ -36,9 +36,9 @@ def asked_for(pyproject: Path) -> set[str]:
 @pytest.mark.parametrize(
     ("project", "package"), [(".", "ual_daemon"), ("clients/python", "ual"), ("clients/python/ual_tools", "ual_tools")]
 )
-def test_what_is_imported_is_asked_for(project: str, package: str) -> None:
+def test_what_is_imported_is_requested(project: str, package: str) -> None:
     known = {"ual": ["ual-client"], **packages_distributions()}
-    declared = asked_for(ROOT / project / "pyproject.toml") | {package.replace("_", "-")}
+    declared = requested(ROOT / project / "pyproject.toml") | {package.replace("_", "-")}
     missing = {
         name
         for name in imported(ROOT / project / package)

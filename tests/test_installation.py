@@ -35,7 +35,7 @@ def is_meant(requirement: Requirement, python: str) -> bool:
     return requirement.marker is None or requirement.marker.evaluate(versions)
 
 
-def asked_for() -> Iterator[Requirement]:
+def requested() -> Iterator[Requirement]:
     """Yields the requirements of the distributions, with every extra, and those of the benchmarks."""
     for project in (".", "clients/python", "clients/python/ual_tools"):
         core = ProjectMetadata(str(ROOT / project), PluginManager()).core
@@ -46,9 +46,9 @@ def asked_for() -> Iterator[Requirement]:
 
 
 @pytest.mark.parametrize("python", PYTHONS)
-def test_the_lock_has_a_version_of_each_package_that_is_asked_for(python: str) -> None:
+def test_the_lock_has_a_version_of_each_package_that_is_requested(python: str) -> None:
     versions = pinned(python)
-    wanted = [each for each in asked_for() if not each.name.startswith("ual-") and is_meant(each, python)]
+    wanted = [each for each in requested() if not each.name.startswith("ual-") and is_meant(each, python)]
     assert {"grpcio", "protobuf", "viser", "sphinx", "mcap", "ruff"} <= {each.name for each in wanted}
     missing = [each for each in wanted if not each.specifier.contains(versions.get(canonicalize_name(each.name), "0"))]
     assert not missing, "run `make lock`"

@@ -56,7 +56,7 @@ def test_a_boolean_value_may_begin_with_whether(text: str, *, is_allowed: bool) 
     assert bool(of_module(text)) is not is_allowed
 
 
-def test_a_beginning_is_found_with_its_line_and_a_proposal() -> None:
+def test_a_beginning_is_found_with_its_row_and_a_proposal() -> None:
     [found] = of_module('x = 1\n\ny = 2\n"""So many\nwait at most."""')
     assert (found.line, found.words) == (4, "So many wait at most.")
     assert "Seconds" in found.proposal

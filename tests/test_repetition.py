@@ -34,7 +34,7 @@ SELECTED = """
 test_stalls.py::test_a_command_in_a_stall_overrules_no_pilot[land-0.6-px4]
 test_stalls.py::test_a_command_in_a_stall_overrules_no_pilot[land-0.6-mavros px4]
 test_stalls.py::test_a_command_in_a_stall_overrules_no_pilot[land-1.5-px4]
-test_autopilot_home.py::test_the_way_home_leads_to_a_home_that_was_set_just_before[px4]
+test_autopilot_home.py::test_the_return_path_leads_to_a_home_that_was_set_just_before[px4]
 test_autopilot_cut_uploads.py::test_a_fence_whose_rally_points_were_cut_off_is_not_enabled[px4-link]
 test_autopilot_cut_uploads.py::test_a_fence_whose_rally_points_were_cut_off_is_not_enabled[ardupilot-client]
 test_dji_conformance.py::test_conformance[psdk-turns_with_a_rate]
@@ -42,17 +42,17 @@ test_dji_conformance.py::test_conformance[osdk-takes_off]
 test_dji_conformance.py::test_conformance[osdk-turns_a_gimbal]
 test_dji_take_off.py::test_the_pilot_takes_over_at_any_time_of_a_take_off[2.3-LockstepPsdk]
 test_dji_take_off.py::test_the_pilot_takes_over_at_any_time_of_a_take_off[0.2-LockstepOsdk]
-test_crazyflie_vehicle.py::test_a_firmware_that_has_booted_in_flight_stays_down_and_was_not_flown_by_others[-True-1.0-15.0]
+test_crazyflie_vehicle.py::test_a_firmware_that_has_booted_in_flight_stays_down_and_was_not_controlled_by_others[-True-1.0-15.0]
 """
 LEFT_OUT = """
 test_stalls.py::test_a_command_in_a_stall_overrules_no_pilot[land-0.6-ardupilot]
 test_stalls.py::test_a_command_in_a_stall_overrules_no_pilot[land-1.5-mavros px4]
-test_autopilot_home.py::test_the_way_home_leads_to_a_home_that_was_set_just_before[ardupilot]
+test_autopilot_home.py::test_the_return_path_leads_to_a_home_that_was_set_just_before[ardupilot]
 test_autopilot_cut_uploads.py::test_a_fence_whose_rally_points_were_cut_off_is_not_enabled[ardupilot-link]
 test_dji_conformance.py::test_conformance[osdk-turns_with_a_rate]
 test_dji_conformance.py::test_conformance[psdk-rounds_the_corners_of_a_path]
 test_dji_take_off.py::test_the_pilot_takes_over_at_any_time_of_a_take_off[2.3-LockstepOsdk]
-test_crazyflie_vehicle.py::test_a_firmware_that_has_booted_in_flight_stays_down_and_was_not_flown_by_others[-False-1.0-15.0]
+test_crazyflie_vehicle.py::test_a_firmware_that_has_booted_in_flight_stays_down_and_was_not_controlled_by_others[-False-1.0-15.0]
 """
 """Examples of flights that there are, and whether `make test` has them: some of each rule."""
 

@@ -58,7 +58,7 @@ def test_a_module(text: str, counts: list[int]) -> None:
 
 
 @pytest.mark.parametrize("name", ["long.md", "long.py"])
-def test_a_long_sentence_is_found_with_its_line(tmp_path: Path, name: str) -> None:
+def test_a_long_sentence_is_found_with_its_row(tmp_path: Path, name: str) -> None:
     path = tmp_path / name
     path.write_text(f"\n{LONG}\n" if name.endswith(".md") else f'x = 1\n# Short.\n\n"""{LONG}"""\n')
     [found] = long_ones(path)

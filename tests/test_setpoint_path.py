@@ -47,7 +47,7 @@ def crossed(uav: UAL) -> set[tuple[str, str]]:
     return found
 
 
-def said(words: str) -> tuple[int, int]:
+def status_text(words: str) -> tuple[int, int]:
     """Returns the numbers of functions and files in the architecture, where it has these words."""
     page = " ".join((ROOT / "docs" / "concepts" / "inside-the-daemon.md").read_text(encoding="utf-8").split())
     found = re.search(rf"{words} (\d+) functions in (\d+) files", page)
@@ -64,5 +64,5 @@ def test_a_velocity_setpoint_crosses_no_more_than_the_architecture_says(
             if not goes_on:
                 patch.setattr(Flight, "renew_velocity", lambda *_: False)
             found = crossed(uav)
-        functions, files = said(words)
+        functions, files = status_text(words)
         assert (len(found), len({file for file, _ in found})) <= (functions, files), words

@@ -57,7 +57,7 @@ def test_the_first_true_answer_is_returned() -> None:
     assert next(numbers) == 3
 
 
-def test_something_else_may_run_between_two_looks() -> None:
+def test_something_else_may_run_between_two_points() -> None:
     found: list[int] = []
     until(lambda: len(found) == 3, between=lambda: found.append(1))
     assert found == [1, 1, 1]

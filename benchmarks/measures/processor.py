@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from benchmarks.children import Child, free_port
 from benchmarks.effort import RATE_HZ
 from benchmarks.results import Results
-from benchmarks.setups import Way, server_of
+from benchmarks.setups import ClientSetup, server_of
 
 TRACE = "px4_offboard_manual_recover"
 _FROM_S, _TO_S = 8.0, 21.9
@@ -17,7 +17,7 @@ _FROM_S, _TO_S = 8.0, 21.9
 _WARM_S = 1.0
 
 
-def measure(vehicle: Child, results: Results, way: Way) -> None:
+def measure(vehicle: Child, results: Results, way: ClientSetup) -> None:
     """Measures one round of one way: shares of one core, in percent."""
     port = free_port(socket.SOCK_DGRAM)
     with ExitStack() as stack:

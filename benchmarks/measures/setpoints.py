@@ -7,7 +7,7 @@ import time
 from benchmarks.children import Child
 from benchmarks.effort import RATE_HZ, Effort
 from benchmarks.results import Results
-from benchmarks.setups import Way, running_setup
+from benchmarks.setups import ClientSetup, running_setup
 
 _ARRIVAL_S = 0.3
 """Setpoints that are in transit when the last call has returned arrive within this time."""
@@ -15,7 +15,7 @@ _FLOOD_FIRST = 1_000_000
 _MEGA = 1e-6
 
 
-def measure(vehicle: Child, effort: Effort, results: Results, way: Way) -> None:
+def measure(vehicle: Child, effort: Effort, results: Results, way: ClientSetup) -> None:
     """Measures one round of one way: latencies in ms, and the setpoints a second that arrived."""
     with running_setup(vehicle, way) as flight:
         flight.prefer()

@@ -5,14 +5,14 @@ from __future__ import annotations
 from benchmarks.children import Child
 from benchmarks.effort import SUBSCRIBERS, Effort
 from benchmarks.results import Results
-from benchmarks.setups import Way, running_setup
+from benchmarks.setups import ClientSetup, running_setup
 
 _SETTLE_NS = 1_000_000_000
 """The first part is left out, because subscribers are still being opened."""
 _MEGA = 1e-6
 
 
-def measure(vehicle: Child, effort: Effort, results: Results, way: Way) -> None:
+def measure(vehicle: Child, effort: Effort, results: Results, way: ClientSetup) -> None:
     """Measures one round of one way: latencies in ms over all subscribers, and the share of positions that came."""
     with running_setup(vehicle, way) as flight:
         flight.prefer()

@@ -23,7 +23,7 @@ from benchmarks.sample_trace.stamps import Stamp
 from benchmarks.sample_trace.stations import SENT
 from benchmarks.sample_trace.table import markdown
 from benchmarks.servers import UalDaemon
-from benchmarks.setups import CLASS, STREAM, Way
+from benchmarks.setups import CLASS, STREAM, ClientSetup
 
 Trace = dict[int, dict[str, Stamp]]
 _TRACED = "benchmarks.sample_trace.traced"
@@ -44,7 +44,7 @@ def main() -> None:
             print(markdown(way.name, times, calls), "\n")
 
 
-def trace(vehicle: Child, way: Way, directory: Path, what: str, seconds: float) -> Trace:
+def trace(vehicle: Child, way: ClientSetup, directory: Path, what: str, seconds: float) -> Trace:
     """Returns the stamps of the samples of some seconds: the times, or the calls between them."""
     with _traced(vehicle, way, directory, what) as processes:
         for process in processes.values():
@@ -62,7 +62,7 @@ def trace(vehicle: Child, way: Way, directory: Path, what: str, seconds: float) 
 
 
 @contextmanager
-def _traced(vehicle: Child, way: Way, directory: Path, what: str) -> Iterator[dict[Path, Process]]:
+def _traced(vehicle: Child, way: ClientSetup, directory: Path, what: str) -> Iterator[dict[Path, Process]]:
     """Provides the processes of a way that flies the vehicle, by the files for their stamps; the program is last."""
     port = free_port(socket.SOCK_DGRAM)
     vehicle.ask("fly", port=port)
@@ -81,7 +81,7 @@ def _traced(vehicle: Child, way: Way, directory: Path, what: str) -> Iterator[di
 
 
 @contextmanager
-def _program(way: Way, port: int, address: str, directory: Path, what: str) -> Iterator[dict[Path, Process]]:
+def _program(way: ClientSetup, port: int, address: str, directory: Path, what: str) -> Iterator[dict[Path, Process]]:
     file = directory / "program.json"
     kind = "client" if way.address else "class"
     arguments = (way.peer, "--port", str(port), "--address", address)

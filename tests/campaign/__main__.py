@@ -77,7 +77,9 @@ def _campaign(rig: Rig, arguments: argparse.Namespace) -> int:
         verdicts[verdict] += 1
         if verdict == "breach":
             rules.update({breach.rule for breach in breaches})
-        print(f"{number + 1}: seed {seed} {verdict} {_told(flight)}", *map(_line, breaches), sep="\n    ", flush=True)
+        print(
+            f"{number + 1}: seed {seed} {verdict} {_reported(flight)}", *map(_row, breaches), sep="\n    ", flush=True
+        )
         if verdict == "not flown":
             begin_anew(rig)
     summary = {"autopilot": rig.options.autopilot, "flights": dict(verdicts), "rules": dict(rules)}
@@ -96,12 +98,12 @@ def _fly_and_judge(rig: Rig, flight: Plan) -> tuple[str, list[Breach]]:
         breaches = judge(record)
     else:
         breaches = judge(record)
-        verdict = "breach" if breaches else "clean" if _has_flown(record) else "idle"
+        verdict = "breach" if breaches else "clean" if _has_taken_off(record) else "idle"
     _write(rig, flight, record, {"verdict": verdict, "why": why, "began_s": began_s}, breaches)
     return verdict, breaches
 
 
-def _has_flown(record: Record) -> bool:
+def _has_taken_off(record: Record) -> bool:
     heights = [each.place[2] for each in record.truth]
     return bool(heights) and max(heights) - min(heights) > _FLOWN_M
 
@@ -133,7 +135,7 @@ def _judge_again(files: list[Path]) -> int:
         breaches = judge(records[-1])
         count += bool(breaches)
         if breaches:
-            print(path, *map(_line, breaches), sep="\n    ")
+            print(path, *map(_row, breaches), sep="\n    ")
     print(f"{count} of {len(records)} broke a rule: {tally(records)}")
     return int(bool(count))
 
@@ -155,12 +157,12 @@ def _is_done(step: Callable[[], object]) -> bool:
     return True
 
 
-def _told(flight: Plan) -> str:
+def _reported(flight: Plan) -> str:
     faults = ", ".join(f"{fault.kind}@{fault.step}+{fault.delay_s:.1f}" for fault in flight.faults)
     return f"{flight.mission} {' '.join(step.name for step in flight.steps)} [{faults}]"
 
 
-def _line(breach: Breach) -> str:
+def _row(breach: Breach) -> str:
     return f"{breach.rule} at {breach.time_s:.2f}: {breach.text}"
 
 

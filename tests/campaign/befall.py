@@ -56,7 +56,7 @@ class Befalling:
         for thread in self._threads:
             thread.join()
 
-    def reach(self, step: int) -> None:
+    def range_m(self, step: int) -> None:
         """The mission is at this step."""
         if step in self._reached:
             self._reached[step].set()
@@ -83,10 +83,10 @@ class Befalling:
                 self._active -= 1
 
 
-def _line(rig: Rig, fault: Fault, wait: Wait) -> None:
-    rig.set_line(**_ON_LINE[fault.kind](fault.strength))
+def _row(rig: Rig, fault: Fault, wait: Wait) -> None:
+    rig.set_link(**_ON_LINE[fault.kind](fault.strength))
     wait(fault.duration_s)
-    rig.set_line(**{name: getattr(GOOD, name) for name in _ON_LINE[fault.kind](0.0)})
+    rig.set_link(**{name: getattr(GOOD, name) for name in _ON_LINE[fault.kind](0.0)})
 
 
 def _reboot(_rig: Rig, _fault: Fault, _wait: Wait) -> None:
@@ -194,7 +194,7 @@ def _busy(_rig: Rig, fault: Fault, wait: Wait) -> None:
 
 FAULTS: dict[str, Callable[[Rig, Fault, Wait], None]] = {
     **FAILURES,
-    **dict.fromkeys(_ON_LINE, _line),
+    **dict.fromkeys(_ON_LINE, _row),
     "reboot": _reboot,
     "kill_daemon": _kill_daemon,
     "kill_client": _kill_client,

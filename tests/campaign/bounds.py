@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import NamedTuple, Protocol, TypeVar
 
-from tests.campaign.evidence import Breach, Case, estimate_error_m, flown, known_since_s, nearest
+from tests.campaign.evidence import Breach, Case, estimate_error_m, executed, known_since_s, nearest
 from tests.campaign.record import DAEMON_STARTED, Located, Place, Record, Value
 
 FENCE_M = 1.0
@@ -64,7 +64,7 @@ def inside_the_newest_fence(case: Case) -> Iterator[Breach]:
     Where it is beyond one that is new, or beyond one when it is commanded, it brakes and leads no farther out.
     """
     record, circles = case.record, autopilot_fences(case.record)
-    for each, flown_s in flown(case):
+    for each, flown_s in executed(case):
         allowed_s = known_since_s(record, each.time_s, KNOWN_S)
         circle = next(iter(newest(circles, allowed_s, allowed_s)), None)
         if circle is None or circle.radius_m is None or circle.home is None:
@@ -84,7 +84,7 @@ def within_the_newest_limits(case: Case) -> Iterator[Breach]:
     record = case.record
     limits = {is_task: _limits(record, is_task=is_task) for is_task in (True, False)}
     tasks = [call for call in record.called if call.name in _AT_CRUISE]
-    for each, flown_s in flown(case):
+    for each, flown_s in executed(case):
         if each.velocity is None:
             continue
         is_task = any(call.began_s <= each.time_s <= call.ended_s for call in tasks)
@@ -107,7 +107,7 @@ def within_the_newest_limits(case: Case) -> Iterator[Breach]:
 def autopilot_fences(record: Record) -> list[Circle]:
     """Each fence that the daemon could know, from when on."""
     found: list[Circle] = []
-    for time_s in _heard_s(record):
+    for time_s in _received_s(record):
         values = _values(record, time_s)
         homes = newest(record.told_homes, time_s, time_s)
         home = homes[-1].place if homes else None
@@ -143,7 +143,7 @@ def _limits(record: Record, *, is_task: bool) -> list[Limit]:
     """Each limit that the daemon could know, from when on: of a task's motion, or of any."""
     names = {_MOST_M_S[record.autopilot], *((_CRUISE,) if is_task else ())}
     found: list[Limit] = []
-    for time_s in _heard_s(record):
+    for time_s in _received_s(record):
         values = _values(record, time_s)
         known = [value * _PER_UNIT.get(name, 1.0) for name, value in values.items() if name in names and value > 0.0]
         most_m_s = min(known, default=math.inf)
@@ -152,7 +152,7 @@ def _limits(record: Record, *, is_task: bool) -> list[Limit]:
     return found
 
 
-def _heard_s(record: Record) -> list[float]:
+def _received_s(record: Record) -> list[float]:
     """Returns the times at which something of it became known, or was forgotten."""
     events: list[Value | Located] = [*record.values, *record.told_homes]
     started = [life.time_s for life in record.lives if life.what == DAEMON_STARTED]

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from tests.campaign.modes import BY_AUTOPILOT
 from tests.campaign.positions import Origin
-from tests.campaign.record import Located, Place, Record, Sent, Text, Told, Value
+from tests.campaign.record import Located, Place, Record, ReportedSample, Sent, Text, Value
 from tests.campaign.truth import note_home
 from ual_daemon.backends.mavlink.session.sequence import SequenceUnwrapper
 from ual_daemon.backends.mavlink.wire.frames import FrameReader, MavlinkFrame
@@ -129,7 +129,7 @@ class Ears:
             if frame.message_id == _CURRENT_MODE:
                 (mode,) = struct.unpack_from("<I", frame.payload.ljust(4, b"\0"))
                 if self._is_newest(_MODE):
-                    self.record.told.append(Told(now_s, mode=mode))
+                    self.record.told.append(ReportedSample(now_s, mode=mode))
                 continue
             if frame.message_id == _EVENT:
                 self._note_event(frame.payload, now_s)
@@ -150,17 +150,17 @@ class Ears:
         """PX4 sends old events again, with their old times."""
         kind, time_ms = struct.unpack_from("<II", payload.ljust(8, b"\0"))
         if kind in _ARMING_EVENTS and time_ms > self._newest_event_ms:
-            self.record.told.append(Told(now_s, armed=_ARMING_EVENTS[kind]))
+            self.record.told.append(ReportedSample(now_s, armed=_ARMING_EVENTS[kind]))
         self._newest_event_ms = max(time_ms, self._newest_event_ms)
 
     def _note(self, message: Message, now_s: float) -> None:
         if isinstance(message, mavlink.MAVLink_heartbeat_message):
             armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
             if self._is_newest(_MODE):
-                self.record.told.append(Told(now_s, armed, message.custom_mode))
+                self.record.told.append(ReportedSample(now_s, armed, message.custom_mode))
         elif isinstance(message, mavlink.MAVLink_extended_sys_state_message):
             if self._is_newest(_LANDED):
-                self.record.told.append(Told(now_s, landed=message.landed_state))
+                self.record.told.append(ReportedSample(now_s, landed=message.landed_state))
         elif isinstance(message, mavlink.MAVLink_home_position_message):
             note_home(self.record.told_homes, self._origin, message, now_s)
         elif isinstance(message, mavlink.MAVLink_param_value_message):
@@ -172,11 +172,11 @@ class Ears:
                 self.record.uploaded.append(Value(now_s, "mission", 0.0))
         elif hasattr(message, "flags"):
             if self._is_newest(_PLACE_FLAGS):
-                self.record.told.append(Told(now_s, is_placed=message.flags & _PLACED == _PLACED))
+                self.record.told.append(ReportedSample(now_s, is_placed=message.flags & _PLACED == _PLACED))
         else:
-            self._note_place_or_text(message, now_s)
+            self._note_position_or_text(message, now_s)
 
-    def _note_place_or_text(self, message: Message, now_s: float) -> None:
+    def _note_position_or_text(self, message: Message, now_s: float) -> None:
         if isinstance(message, mavlink.MAVLink_local_position_ned_message):
             self._local = (message.y, message.x, -message.z)
         elif isinstance(message, mavlink.MAVLink_statustext_message):
@@ -187,7 +187,7 @@ class Ears:
             if not self.record.missions or self.record.missions[-1].value != told:
                 self.record.missions.append(Value(now_s, "mission", told))
         elif message.lat or message.lon:
-            place = self._origin.place(message.lat / 1e7, message.lon / 1e7, message.alt / 1e3)
+            place = self._origin.current_position(message.lat / 1e7, message.lon / 1e7, message.alt / 1e3)
             self.record.estimate.append(Located(now_s, place))
 
 

@@ -11,7 +11,7 @@ from itertools import pairwise
 
 from tests.campaign.modes import BY_AUTOPILOT, Modes
 from tests.campaign.positions import distance_m
-from tests.campaign.record import DAEMON_KILLED, DAEMON_STARTED, Called, Located, Place, Record, Sent, Told
+from tests.campaign.record import DAEMON_KILLED, DAEMON_STARTED, Called, Located, Place, Record, ReportedSample, Sent
 
 NOTICED_S = 0.1
 """Seconds after a report within which the daemon may still send messages that were under way."""
@@ -92,7 +92,7 @@ class Known:
     is_placed: bool | None = None
 
 
-def known(told: Sequence[Told]) -> list[Known]:
+def known(told: Sequence[ReportedSample]) -> list[Known]:
     """Returns what is known from when on: each message says a part of it."""
     found: list[Known] = []
     armed: bool | None = None
@@ -195,7 +195,7 @@ def allowed_from_s(case: Case, sent: Sent) -> float:
 # --- How it was flown, and how wrong the estimate was ---
 
 
-def flown(case: Case) -> Iterator[tuple[Located, float]]:
+def executed(case: Case) -> Iterator[tuple[Located, float]]:
     """Yields the positions of the vehicle while the daemon's setpoints flew it; and since when they had, without a
     pause.
 
@@ -229,5 +229,5 @@ def nearest(found: Sequence[Located], time_s: float) -> Place | None:
     return min(near, key=lambda each: abs(each.time_s - time_s)).place if near else None
 
 
-def place_text(place: Place | None) -> str:
+def position_text(place: Place | None) -> str:
     return "nowhere" if place is None else "(" + ", ".join(f"{value:.1f}" for value in place) + ")"

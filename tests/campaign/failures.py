@@ -163,11 +163,11 @@ def _station_reboot(rig: Rig, _fault: Fault, _wait: Wait) -> None:
 def _cut(rig: Rig, fault: Fault, wait: Wait) -> None:
     """The line falls silent amid an upload, and its client is gone."""
     wait(0.1 * fault.strength)
-    rig.set_line(is_silent=True)
+    rig.set_link(is_silent=True)
     wait(0.3)
     rig.kill_client()
     wait(fault.duration_s / 4.0)
-    rig.set_line(is_silent=False)
+    rig.set_link(is_silent=False)
 
 
 FAILURES: dict[str, Callable[[Rig, Fault, Wait], None]] = {

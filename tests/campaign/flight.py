@@ -47,7 +47,7 @@ def fly(rig: Rig, plan: Plan) -> Record:
 
 def _ours(rig: Rig, plan: Plan, faults: Befalling) -> None:
     for number, step in enumerate(plan.steps):
-        faults.reach(number)
+        faults.range_m(number)
         if step.name == "arm" and plan.armed_by == "pilot":
             _pilot_arms(rig)
         elif not _do(rig, step, faults):
@@ -119,7 +119,7 @@ def _foreign(rig: Rig, plan: Plan, faults: Befalling) -> None:
     else:
         rig.pilot.order(mavlink.MAV_CMD_NAV_TAKEOFF, (0.0,) * 6 + (3.0,))
     for number in range(len(plan.steps)):
-        faults.reach(number)
+        faults.range_m(number)
         _pause(rig, 3.0)
         if not is_px4 and rig.is_up():
             rig.truth.send_target((2.0 * number - 4.0, 2.0, 3.0))

@@ -80,7 +80,7 @@ def follows(case: Case) -> Iterator[Breach]:
         told_s = stray.began_s + TOLD_S
         due_s = told_s + (told_s - known_since_s(record, told_s, 0.0))
         is_over = not record.said or record.said[-1].time_s < due_s
-        if not is_over and not _is_told(record, stray.began_s, due_s):
+        if not is_over and not _is_reported(record, stray.began_s, due_s):
             yield Breach("follows", due_s, f"{stray.what} since {stray.began_s:.2f}, which is not told")
         released_s = _released_s(case, stray)
         for call in record.called:
@@ -122,7 +122,7 @@ def strays(case: Case) -> list[Stray]:
     return sorted([*_falls(case), *_besides(case), *_offs(case), *_drops(case)], key=lambda each: each.began_s)
 
 
-def _is_told(record: Record, since_s: float, until_s: float) -> bool:
+def _is_reported(record: Record, since_s: float, until_s: float) -> bool:
     """Returns whether some state says so, or that nothing is known."""
     return any(
         since_s - _FARTHER_S <= said.time_s <= until_s
@@ -179,7 +179,7 @@ def _besides(case: Case) -> Iterator[Stray]:
     for sent in case.record.sent:
         if sent.what != "setpoint":
             continue
-        if sent.way is None or not _is_judged(case, sent, _BLINDING) or _is_held(case, sent):
+        if sent.way is None or not _is_assessed(case, sent, _BLINDING) or _is_held(case, sent):
             nearest_m = math.inf
             continue
         off_m = math.hypot(*sent.way)
@@ -218,7 +218,7 @@ def _offs(case: Case) -> Iterator[Stray]:
             continue
         index = bisect.bisect_left(truth, sent.time_s, key=lambda each: each.time_s)
         velocity = truth[index - 1].velocity if index else None
-        if velocity is None or not _is_judged(case, sent, ()):
+        if velocity is None or not _is_assessed(case, sent, ()):
             continue
         off_m_s = math.dist(velocity, sent.velocity)
         if off_m_s <= _OFF_M_S + _OFF_SHARE * math.hypot(*sent.velocity):
@@ -231,7 +231,7 @@ def _offs(case: Case) -> Iterator[Stray]:
     yield from _lasting(off, BESIDE_S, "it does not fly the velocity that was asked")
 
 
-def _is_judged(case: Case, sent: Sent, kinds: Sequence[str]) -> bool:
+def _is_assessed(case: Case, sent: Sent, kinds: Sequence[str]) -> bool:
     """Returns whether the autopilot followed setpoints then, and nothing but the vehicle was disturbed."""
     if is_befallen(case.record, (*DISTURBING, *kinds), sent.time_s - WAKE_S - TOLD_S, sent.time_s):
         return False

@@ -35,22 +35,22 @@ from tests.campaign.evidence import (
     begins,
     between,
     estimate_error_m,
-    flown,
+    executed,
     is_befallen,
     known_since_s,
-    place_text,
+    position_text,
     until_s,
 )
 from tests.campaign.follows import LOW_M, follows, height_m, nothing_flies_unasked, nothing_is_cried_wolf
 from tests.campaign.modes import Modes
-from tests.campaign.motion import a_task_makes_way, a_velocity_leads_straight
+from tests.campaign.motion import a_task_progresses, a_velocity_leads_straight
 from tests.campaign.positions import distance_m
-from tests.campaign.record import DAEMON_KILLED, DAEMON_STARTED, Called, Place, Record, Said
+from tests.campaign.record import DAEMON_KILLED, DAEMON_STARTED, Called, Place, Record, StatusText
 from tests.campaign.services import (
     a_mission_has_its_owner,
     no_part_of_a_mission_flies,
     what_is_done_was_reached,
-    what_is_severe_is_told,
+    what_is_severe_is_reported,
 )
 from tests.campaign.words import words_are_true
 
@@ -169,7 +169,7 @@ def the_state_is_true(case: Case) -> Iterator[Breach]:
             yield _untrue(said, true, "")
 
 
-def _untrue(said: Said, true: set[str], why: str) -> Breach:
+def _untrue(said: StatusText, true: set[str], why: str) -> Breach:
     return Breach("state", said.time_s, f"{said.state} is told {why}, not {sorted(true)} ({said.reason})")
 
 
@@ -239,7 +239,7 @@ def _silence_s(times: Sequence[float], time_s: float) -> float:
     return time_s - times[index - 1] if index else 0.0
 
 
-def who_took_it_is_told(case: Case) -> Iterator[Breach]:
+def who_took_it_is_reported(case: Case) -> Iterator[Breach]:
     """A task ends within a second of the take-over, and names who took the vehicle where only one can have done it."""
     record = case.record
     for taken_s in case.taken_s:
@@ -269,7 +269,7 @@ def goals_are_reached(case: Case) -> Iterator[Breach]:
     """Yields goals that were reported as reached although the vehicle was not there, by the simulator's truth."""
     for call, missed_m, allowed_m in misses_m(case.record):
         if missed_m > allowed_m:
-            text = f"{call.name} to {place_text(call.goal)} was reported as done {missed_m:.2f} m from it"
+            text = f"{call.name} to {position_text(call.goal)} was reported as done {missed_m:.2f} m from it"
             yield Breach("goal", call.ended_s, f"{text} (allowed {allowed_m:.2f})")
 
 
@@ -328,13 +328,13 @@ def inside_the_fence(case: Case) -> Iterator[Breach]:
     record = case.record
     if record.fence_m is None:
         return
-    for each, flown_s in flown(case):
+    for each, flown_s in executed(case):
         beyond_m, began = _beyond_m(record.fence_m, each.place), at(record.truth, flown_s)
         began_m = _beyond_m(record.fence_m, began.place) if _was_left_alone(record, flown_s) else 0.0
         reach_m = began_m + braking_m(speed_m_s(began)) if began_m > 0.0 else 0.0
         allowed_m = FENCE_M + reach_m + estimate_error_m(record, each.time_s)
         if beyond_m > allowed_m:
-            text = f"{beyond_m:.2f} m outside at {place_text(each.place)} (allowed {allowed_m:.2f})"
+            text = f"{beyond_m:.2f} m outside at {position_text(each.place)} (allowed {allowed_m:.2f})"
             yield Breach("fence", each.time_s, text)
 
 
@@ -353,13 +353,13 @@ RULES: tuple[Callable[[Case], Iterator[Breach]], ...] = (
     nothing_after_a_take_over,
     nothing_unasked,
     the_state_is_true,
-    who_took_it_is_told,
+    who_took_it_is_reported,
     goals_are_reached,
     the_ground_is_reached,
     inside_the_fence,
     inside_the_newest_fence,
     within_the_newest_limits,
-    a_task_makes_way,
+    a_task_progresses,
     a_velocity_leads_straight,
     words_are_true,
     follows,
@@ -367,6 +367,6 @@ RULES: tuple[Callable[[Case], Iterator[Breach]], ...] = (
     nothing_flies_unasked,
     a_mission_has_its_owner,
     no_part_of_a_mission_flies,
-    what_is_severe_is_told,
+    what_is_severe_is_reported,
     what_is_done_was_reached,
 )

@@ -37,7 +37,7 @@ _LEADING_ASIDE = (
 )
 
 
-def a_task_makes_way(case: Case) -> Iterator[Breach]:
+def a_task_progresses(case: Case) -> Iterator[Breach]:
     """No task goes on whose vehicle has stood for 13 s, by the truth, whatever its cause."""
     record = case.record
     ground_m = min((each.place[2] for each in record.truth), default=0.0)
@@ -78,7 +78,7 @@ def asides_m(case: Case) -> Iterator[tuple[Called, float, float]]:
     """Yields the largest and the allowed distance from the line of each velocity."""
     record = case.record
     for call in record.called:
-        places = list(_on_the_line(case, call))
+        places = list(_on_path(case, call))
         if not places or places[-1].time_s - places[0].time_s < LONG_S:
             continue
         begin = places[0]
@@ -90,7 +90,7 @@ def asides_m(case: Case) -> Iterator[tuple[Called, float, float]]:
         yield call, abs(off[worst]), allowed[worst]
 
 
-def _on_the_line(case: Case, call: Called) -> Iterator[Located]:
+def _on_path(case: Case, call: Called) -> Iterator[Located]:
     """Yields positions while the velocity flew it, far from fences; none where something else may have led it aside."""
     record = case.record
     if call.velocity is None or math.hypot(*call.velocity[:2]) < _SLOWEST_M_S:

@@ -83,7 +83,7 @@ def _early() -> None:
     _always("ual_daemon.flight.manoeuvres.arrival:Arrival", "has_arrived", value=True)()
 
 
-def _half_way() -> None:
+def _midway_point() -> None:
     """Counts a take-off as done at a third of its height."""
 
     def is_up(manoeuvre: Any, _now_s: float, climbed_m: float, *_: object) -> bool:
@@ -180,7 +180,7 @@ MUTANTS: dict[str, Callable[[], None]] = {
     "misled": _holder(Cause.FENCE),
     "undecided": _holder(Cause.OPEN),
     "early": _early,
-    "half_way": _half_way,
+    "half_way": _midway_point,
     "unfenced": _unfenced,
     "trespasser": _trespasser,
     "hasty": _hasty,

@@ -153,17 +153,17 @@ def _motions(dice: random.Random) -> tuple[Step, ...]:
     name = dice.choice(_MOTIONS)
     if name == "mission":
         return _mission(dice)
-    return _line(dice) if name == "line" else (_motion(dice, name),)
+    return _row(dice) if name == "line" else (_motion(dice, name),)
 
 
 def _mission(dice: random.Random) -> tuple[Step, ...]:
     """Brings a mission, and has it flown; something may be asked of it on its way."""
-    places = tuple(value for _ in range(dice.choice((2, 3, 4))) for value in _place(dice))
+    places = tuple(value for _ in range(dice.choice((2, 3, 4))) for value in _position(dice))
     action = float(dice.choice((PLAIN, PLAIN, PAUSE, JUMP, ABORT, AGAIN)))
     return Step("upload", places), Step("mission", (action, dice.uniform(0.2, 4.0)))
 
 
-def _line(dice: random.Random) -> tuple[Step, ...]:
+def _row(dice: random.Random) -> tuple[Step, ...]:
     """A velocity out of a hold, from one side of home to the other."""
     direction_rad, speed_m_s = dice.uniform(-math.pi, math.pi), dice.uniform(0.5, 1.5)
     east, north = math.cos(direction_rad), math.sin(direction_rad)
@@ -173,7 +173,7 @@ def _line(dice: random.Random) -> tuple[Step, ...]:
 
 def _motion(dice: random.Random, name: str) -> Step:
     if name == "path":
-        return Step(name, tuple(value for _ in range(2) for value in _place(dice)))
+        return Step(name, tuple(value for _ in range(2) for value in _position(dice)))
     if name == "across":
         side, north_m = dice.choice((-1, 1)), dice.uniform(-_FAR_M / 2.0, _FAR_M / 2.0)
         return Step("path", (side * _FAR_M, north_m, HEIGHT_M, -side * _FAR_M, -north_m, HEIGHT_M))
@@ -189,10 +189,10 @@ def _motion(dice: random.Random, name: str) -> Step:
         return Step("go_to", (dice.choice((-1, 1)) * dice.uniform(20.0, 60.0), 0.0, HEIGHT_M))
     if name == "abort":
         return Step(name, (float(dice.random() < 0.5),))
-    return Step(name, _place(dice))
+    return Step(name, _position(dice))
 
 
-def _place(dice: random.Random) -> tuple[float, float, float]:
+def _position(dice: random.Random) -> tuple[float, float, float]:
     return (
         dice.uniform(-AREA_M, AREA_M),
         dice.uniform(-AREA_M, AREA_M),

@@ -18,7 +18,7 @@ class Origin:
     longitude_deg: float
     altitude_m: float
 
-    def place(self, latitude_deg: float, longitude_deg: float, altitude_m: float) -> Place:
+    def current_position(self, latitude_deg: float, longitude_deg: float, altitude_m: float) -> Place:
         """Returns metres east, north and up of the origin."""
         east_m, north_m = self._metres_per_degree()
         return (

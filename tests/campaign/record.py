@@ -15,7 +15,7 @@ DAEMON_STARTED, DAEMON_KILLED = "started", "killed"
 
 
 @dataclass(frozen=True)
-class Told:
+class ReportedSample:
     """Message from the autopilot to the daemon; None: this message does not contain it."""
 
     time_s: float
@@ -40,7 +40,7 @@ class Sent:
 
 
 @dataclass(frozen=True)
-class Said:
+class StatusText:
     """The state that the daemon told a subscriber."""
 
     time_s: float
@@ -138,9 +138,9 @@ class Record:
     anchor: Place | None = None
     """Position of home by the truth when it was last set before this flight, and the error of the estimate then."""
     anchor_error_m: float = 0.0
-    told: list[Told] = field(default_factory=list)
+    told: list[ReportedSample] = field(default_factory=list)
     sent: list[Sent] = field(default_factory=list)
-    said: list[Said] = field(default_factory=list)
+    said: list[StatusText] = field(default_factory=list)
     called: list[Called] = field(default_factory=list)
     truth: list[Located] = field(default_factory=list)
     estimate: list[Located] = field(default_factory=list)
@@ -179,9 +179,9 @@ class Record:
 
 
 _KINDS: dict[str, type] = {
-    "told": Told,
+    "told": ReportedSample,
     "sent": Sent,
-    "said": Said,
+    "said": StatusText,
     "called": Called,
     "truth": Located,
     "estimate": Located,

@@ -19,7 +19,18 @@ from tests.campaign.modes import BY_AUTOPILOT
 from tests.campaign.plan import ABORT, AREA_M, FENCE_HEIGHT_M, FENCE_SIDE_M, JUMP
 from tests.campaign.positions import Origin
 from tests.campaign.processes import ClientProcess, DaemonProcess, FlightFailedError, SimulatorProcess
-from tests.campaign.record import DAEMON_KILLED, DAEMON_STARTED, Called, Life, Order, Place, Record, Said, Text, Trouble
+from tests.campaign.record import (
+    DAEMON_KILLED,
+    DAEMON_STARTED,
+    Called,
+    Life,
+    Order,
+    Place,
+    Record,
+    StatusText,
+    Text,
+    Trouble,
+)
 from tests.campaign.starvation import StarvationWatch
 from tests.campaign.truth import TruthLink
 from tests.simulators.faults import GOOD
@@ -248,7 +259,7 @@ class Rig:
 
     def _note_state(self, sample: Telemetry) -> None:
         now_s = time.monotonic()
-        self.record.said.append(Said(now_s, sample.state.name, sample.state_reason))
+        self.record.said.append(StatusText(now_s, sample.state.name, sample.state_reason))
         health = sample.health
         text = "" if health is None else "; ".join((*health.failing_checks, health.failsafe))
         if not self.record.healths or self.record.healths[-1].text != text:
@@ -287,7 +298,7 @@ class Rig:
 
     # --- The line -----------------------------------------------------------------------------------------------------
 
-    def set_line(self, **faults: float | bool) -> None:
+    def set_link(self, **faults: float | bool) -> None:
         """Changes some faults of the line; the others stay."""
         self.wiretap.faults = dataclasses.replace(self.wiretap.faults, **faults)  # type: ignore[arg-type]
 

@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator
 
 from tests.campaign.bounds import newest
-from tests.campaign.evidence import Breach, Case, estimate_error_m, is_befallen, known_since_s, place_text
+from tests.campaign.evidence import Breach, Case, estimate_error_m, is_befallen, known_since_s, position_text
 from tests.campaign.follows import FALL_M_S, TOLD_S
 from tests.campaign.positions import distance_m
 from tests.campaign.record import Called, Record
@@ -50,7 +50,7 @@ def a_mission_has_its_owner(case: Case) -> Iterator[Breach]:
         for call in record.called:
             if call.name != "mission" or not call.began_s + TOLD_S < order.time_s < call.ended_s:
                 continue
-            if min(call.ended_s, _told_s(record, order.time_s)) > due_s:
+            if min(call.ended_s, _reported_s(record, order.time_s)) > due_s:
                 text = f"the mission went on for {call.ended_s - order.time_s:.2f} s after another's {order.what}"
                 yield Breach("mission's owner", order.time_s, text)
             if not call.outcome:
@@ -59,7 +59,7 @@ def a_mission_has_its_owner(case: Case) -> Iterator[Breach]:
                 yield Breach("mission's owner", call.ended_s, f"{call.text!r} does not name the other station")
 
 
-def _told_s(record: Record, since_s: float) -> float:
+def _reported_s(record: Record, since_s: float) -> float:
     """Returns the time at which a state said that another station has brought its mission: a client may sleep in a
     pause meanwhile.
     """
@@ -88,7 +88,7 @@ def no_part_of_a_mission_flies(case: Case) -> Iterator[Breach]:
                 yield Breach("no part", sent.time_s, text)
 
 
-def what_is_severe_is_told(case: Case) -> Iterator[Breach]:
+def what_is_severe_is_reported(case: Case) -> Iterator[Breach]:
     """A text of the autopilot of severity 0 to 2 is in the health, or in the reason of the state, within a second.
 
     One that says that something is over takes that out of the health within a second.
@@ -174,7 +174,7 @@ def _passed(record: Record, call: Called) -> Iterator[Breach]:
         passed = [index for index in range(begin, len(way)) if distance_m(way[index].place, goal) <= allowed_m]
         if not passed:
             nearest_m = min((distance_m(each.place, goal) for each in way[begin:]), default=math.inf)
-            text = f"the mission counts as done, and passed its place {number + 1} {place_text(goal)}"
+            text = f"the mission counts as done, and passed its place {number + 1} {position_text(goal)}"
             yield Breach("goal", call.ended_s, f"{text} at {nearest_m:.2f} m (allowed {allowed_m:.2f})")
             return
         begin = passed[0]

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 from tests.campaign.ears import Ears
 from tests.campaign.positions import Origin
-from tests.campaign.record import Record, Told
+from tests.campaign.record import Record, ReportedSample
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 OFFBOARD, POSCTL = 6 << 16, 3 << 16
@@ -18,7 +18,7 @@ def heartbeat(sequence: int, mode: int) -> bytes:
     return bytes(message.pack(sender))
 
 
-def told(*heard: bytes) -> list[Told]:
+def reported(*heard: bytes) -> list[ReportedSample]:
     record = Record("px4", (100.0, 50.0))
     ears = Ears(record, Origin(47.0, 8.0, 500.0))
     for each in heard:
@@ -26,8 +26,8 @@ def told(*heard: bytes) -> list[Told]:
     return record.told
 
 
-def test_what_a_line_with_jitter_brings_after_something_newer_is_not_told() -> None:
-    modes = [each.mode for each in told(heartbeat(254, POSCTL), heartbeat(2, OFFBOARD), heartbeat(255, POSCTL))]
+def test_what_a_path_with_jitter_brings_after_something_newer_is_not_reported() -> None:
+    modes = [each.mode for each in reported(heartbeat(254, POSCTL), heartbeat(2, OFFBOARD), heartbeat(255, POSCTL))]
     assert modes == [POSCTL, OFFBOARD]
 
 
@@ -41,8 +41,8 @@ def test_an_item_of_a_mission_is_no_command() -> None:
     assert [sent.what for sent in record.sent] == ["mission_item_int"]
 
 
-def test_what_comes_in_order_is_told() -> None:
-    modes = [each.mode for each in told(heartbeat(254, POSCTL), heartbeat(255, OFFBOARD), heartbeat(0, POSCTL))]
+def test_what_comes_in_order_is_reported() -> None:
+    modes = [each.mode for each in reported(heartbeat(254, POSCTL), heartbeat(255, OFFBOARD), heartbeat(0, POSCTL))]
     assert modes == [POSCTL, OFFBOARD, POSCTL]
 
 

@@ -21,14 +21,14 @@ from tests.campaign.record import (
     Order,
     Place,
     Record,
-    Said,
+    ReportedSample,
     Sent,
+    StatusText,
     Text,
-    Told,
     Trouble,
     Value,
 )
-from tests.campaign.test_judge import TAKEN_S, clean, place, rules, times
+from tests.campaign.test_judge import TAKEN_S, clean, current_position, rules, times
 from tests.campaign.test_world import BEGUN_S, eastwards, flight
 
 DEAD_S = 11.0
@@ -36,7 +36,7 @@ TOLD = "the UAV does not follow: it falls at 7 m/s; new motions are refused"
 HELD: Place = (0.0, 0.0, 3.0)
 
 
-def said(record: Record, since_s: float, until_s: float, reason: str) -> None:
+def status_text(record: Record, since_s: float, until_s: float, reason: str) -> None:
     """Says so in that time."""
     record.said = [
         dataclasses.replace(each, reason=reason) if since_s <= each.time_s < until_s else each for each in record.said
@@ -59,28 +59,30 @@ def falling(record: Record) -> Record:
 # --- follows ----------------------------------------------------------------------------------------------------------
 
 
-def test_a_fall_is_told() -> None:
+def test_a_fall_is_reported() -> None:
     record = falling(clean())
     assert "follows" in rules(record)
-    said(record, DEAD_S + 1.3, 32.0, TOLD)
+    status_text(record, DEAD_S + 1.3, 32.0, TOLD)
     assert "follows" not in rules(record)
 
 
-def test_a_fall_that_is_told_and_is_none_is_found() -> None:
+def test_a_fall_that_is_reported_and_is_none_is_found() -> None:
     """Campaign, 13400029: the velocity after a pilot's flight was refused as one that another sender disturbs."""
     record = clean()
-    said(record, 10.0, 12.0, "another sender, or the UAV does not follow: it is 5.1 (m, or m/s) beside what is asked")
+    status_text(
+        record, 10.0, 12.0, "another sender, or the UAV does not follow: it is 5.1 (m, or m/s) beside what is asked"
+    )
     assert "follows" in rules(record)
     record.troubles.append(Trouble("second_sender", 9.0, 9.5))
     assert "follows" not in rules(record)
     record = clean()
-    said(record, record.said[0].time_s, 3.0, TOLD)  # of the flight before
+    status_text(record, record.said[0].time_s, 3.0, TOLD)  # of the flight before
     assert "follows" not in rules(record)
 
 
-def test_a_fall_that_is_told_too_late_is_found() -> None:
+def test_a_fall_that_is_reported_too_late_is_found() -> None:
     record = falling(clean())
-    said(record, DEAD_S + 2.5, 32.0, TOLD)
+    status_text(record, DEAD_S + 2.5, 32.0, TOLD)
     assert "follows" in rules(record)
     record.troubles.append(Trouble("busy", DEAD_S, DEAD_S + 2.2))
     assert "follows" not in rules(record)
@@ -88,7 +90,7 @@ def test_a_fall_that_is_told_too_late_is_found() -> None:
 
 def test_after_a_fall_nothing_new_is_accepted_until_somebody_recovers_it() -> None:
     record = falling(clean())
-    said(record, DEAD_S + 1.0, 32.0, TOLD)
+    status_text(record, DEAD_S + 1.0, 32.0, TOLD)
     refused = Called("go_to", 14.5, 14.6, "WRONG_STATE")
     recovered = Called("recover", 15.0, 15.5)
     accepted = Called("go_to", 16.0, 16.5, "TASK_ABORTED", "client")
@@ -98,20 +100,20 @@ def test_after_a_fall_nothing_new_is_accepted_until_somebody_recovers_it() -> No
     assert "follows" in rules(record)
 
 
-def test_what_is_disarmed_in_the_air_is_told_as_that() -> None:
+def test_what_is_disarmed_in_the_air_is_reported_as_that() -> None:
     record = clean()
     record.told = [each for each in record.told if each.time_s <= 27.0]
-    record.told += [Told(time_s, False, landed=ON_GROUND) for time_s in times(27.05, 35.0, 0.05)]
+    record.told += [ReportedSample(time_s, False, landed=ON_GROUND) for time_s in times(27.05, 35.0, 0.05)]
     record.said = [each for each in record.said if each.time_s < 27.3]
     fallen = "the motors were disarmed in the air, and the UAV falls at 5 m/s"
-    record.said += [Said(time_s, "LANDED_DISARMED", fallen) for time_s in times(27.3, 34.0, 0.05)]
+    record.said += [StatusText(time_s, "LANDED_DISARMED", fallen) for time_s in times(27.3, 34.0, 0.05)]
     record.called[-1] = dataclasses.replace(record.called[-1], outcome="TASK_FAILED", ended_s=27.5, by="disarmed")
     assert rules(record) == set()
-    said(record, 27.3, 34.0, "not armed")
+    status_text(record, 27.3, 34.0, "not armed")
     assert rules(record) == {"follows"}
 
 
-def beside(way_m: float, farther_m_s: float, until_s: float) -> Record:
+def offset(way_m: float, farther_m_s: float, until_s: float) -> Record:
     """Flown by setpoints that lead to a place which is that far away, and farther by and by, for some time."""
     record = flight(eastwards({0.0: 0.0}), Called("go_to", BEGUN_S + 1.0, BEGUN_S + 9.0, goal=HELD))
     ways = {each.time_s: way_m + farther_m_s * (each.time_s - BEGUN_S) for each in record.sent}
@@ -119,7 +121,7 @@ def beside(way_m: float, farther_m_s: float, until_s: float) -> Record:
         dataclasses.replace(each, way=(ways[each.time_s] if each.time_s < until_s else 1.0, 0.0, 0.0))
         for each in record.sent
     ]
-    record.said += [Said(time_s, "FLYING_AUTO") for time_s in times(0.0, 50.0, 0.05)]
+    record.said += [StatusText(time_s, "FLYING_AUTO") for time_s in times(0.0, 50.0, 0.05)]
     return record
 
 
@@ -133,36 +135,38 @@ def beside(way_m: float, farther_m_s: float, until_s: float) -> Record:
         (6.0, -0.5, BEGUN_S + 5.0, set()),
     ],
 )
-def test_a_vehicle_that_is_beside_what_was_asked_is_told(
+def test_a_vehicle_that_is_next_to_what_was_commanded_is_reported(
     way_m: float, farther_m_s: float, until_s: float, found: set[str]
 ) -> None:
-    record = beside(way_m, farther_m_s, until_s)
+    record = offset(way_m, farther_m_s, until_s)
     assert rules(record) - {"goal"} == found
-    said(record, BEGUN_S, until_s + 2.0, "another sender, or the UAV does not follow: it is 4 m beside what is asked")
+    status_text(
+        record, BEGUN_S, until_s + 2.0, "another sender, or the UAV does not follow: it is 4 m beside what is asked"
+    )
     assert rules(record) - {"goal"} == (set() if found else {"follows"})
 
 
-def test_a_take_off_that_is_held_on_the_ground_is_judged_by_its_way() -> None:
+def test_a_take_off_that_is_held_on_the_ground_is_assessed_by_its_path() -> None:
     """Its reference climbs on: after 3 s it is 3 m above. The task has 8 s to say that it makes no way."""
-    record = beside(4.0, 0.0, BEGUN_S + 6.0)
+    record = offset(4.0, 0.0, BEGUN_S + 6.0)
     record.called[-1] = Called("take_off", BEGUN_S, BEGUN_S + 9.0, "TIMEOUT", "no way", height_m=3.0)
     assert rules(record) == {"follows"}
     record.truth = [Located(each.time_s, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)) for each in record.truth]
     assert rules(record) == set()
 
 
-def test_where_the_line_or_the_estimate_is_disturbed_nobody_knows_where_it_is() -> None:
-    record = beside(3.5, 0.0, 40.0)
+def test_where_the_link_or_the_estimate_is_disturbed_nobody_knows_where_it_is() -> None:
+    record = offset(3.5, 0.0, 40.0)
     record.troubles.append(Trouble("gps_jump", 0.0, 45.0))
     assert rules(record) == set()
     record.troubles[:] = [Trouble("wind", 0.0, 45.0)]
     assert rules(record) == {"follows"}
 
 
-def test_a_velocity_that_is_not_flown_is_found() -> None:
+def test_a_velocity_that_is_not_executed_is_found() -> None:
     record = flight(eastwards({0.0: 0.0}))
     record.sent = [dataclasses.replace(each, velocity=(2.5, 0.0, 0.0)) for each in record.sent]
-    record.said += [Said(time_s, "FLYING_AUTO") for time_s in times(0.0, 50.0, 0.05)]
+    record.said += [StatusText(time_s, "FLYING_AUTO") for time_s in times(0.0, 50.0, 0.05)]
     assert rules(record) == set()  # 2.75 m/s off are allowed
     record.sent = [dataclasses.replace(each, velocity=(4.0, 0.0, 0.0)) for each in record.sent]
     assert rules(record) == {"follows"}
@@ -182,7 +186,7 @@ def test_who_was_armed_by_nobody_is_found() -> None:
 def test_what_lifts_off_again_after_a_fall_is_found() -> None:
     """Its motors work again after 5 s, and it climbs back by itself."""
     record = falling(clean())
-    said(record, DEAD_S + 1.0, 33.0, TOLD)
+    status_text(record, DEAD_S + 1.0, 33.0, TOLD)
     assert "nothing flies" not in rules(record)
     record.truth = [
         dataclasses.replace(each, place=(2.0, 0.0, 3.0)) if each.time_s > DEAD_S + 5.0 else each
@@ -203,7 +207,7 @@ def test_what_lifts_off_again_after_a_fall_is_found() -> None:
     assert "nothing flies" not in rules(record)
 
 
-def test_a_fall_while_no_daemon_runs_is_told_by_none() -> None:
+def test_a_fall_while_no_daemon_runs_is_reported_by_none() -> None:
     """Campaign, 11300174: the motors were stopped, and let run, before the next daemon had started."""
     record = falling(clean())
     assert "follows" in rules(record)
@@ -216,7 +220,7 @@ def test_a_fall_while_no_daemon_runs_is_told_by_none() -> None:
 def test_an_autopilots_own_landing_that_bounces_is_lifted_by_nobody() -> None:
     """Its motors were weak and work again: PX4's landing makes up for that by 1.4 m, and the daemon sends nothing."""
     record = falling(clean())
-    said(record, DEAD_S + 1.0, 33.0, TOLD)
+    status_text(record, DEAD_S + 1.0, 33.0, TOLD)
     record.told = [dataclasses.replace(each, mode=9) if each.time_s > 10.9 else each for each in record.told]
     record.sent = [each for each in record.sent if each.time_s < 11.0]
     record.truth = [
@@ -274,7 +278,7 @@ def mission(outcome: str = "", ended_s: float = 13.5, text: str = "") -> Record:
     return record
 
 
-def test_a_mission_that_is_flown_passes() -> None:
+def test_a_mission_that_is_executed_passes() -> None:
     assert rules(mission()) == set()
 
 
@@ -293,7 +297,7 @@ def test_the_mission_of_another_station_ends_ours() -> None:
     assert rules(record) == set()
     record = mission("TASK_ABORTED", 13.5, named)  # its client slept in a pause (campaign, 11300048)
     record.orders.append(Order(12.0, "upload"))
-    said(record, 12.4, 13.6, "in the air, mode BRAKE ...; the ground station has brought another mission")
+    status_text(record, 12.4, 13.6, "in the air, mode BRAKE ...; the ground station has brought another mission")
     assert "mission's owner" not in rules(record)
     record = mission("TASK_ABORTED", 12.5, "the vehicle was taken")
     record.called[1] = dataclasses.replace(record.called[1], by="safety pilot")
@@ -325,7 +329,7 @@ def test_an_upload_that_ends_well_after_its_client_was_killed_is_whole() -> None
 # --- texts ------------------------------------------------------------------------------------------------------------
 
 
-def test_a_severe_text_is_told_within_a_second() -> None:
+def test_a_severe_text_is_reported_within_a_second() -> None:
     record = clean()
     record.texts.append(Text(11.0, "PreArm: GPS Glitch or Compass error"))
     assert rules(record) == {"texts"}
@@ -343,7 +347,7 @@ def test_a_text_that_something_is_over_takes_it_out_of_the_health() -> None:
     assert rules(record) == {"texts"}
 
 
-def test_a_check_that_fails_is_told_whatever_its_figure_is_now() -> None:
+def test_a_check_that_fails_is_reported_whatever_its_figure_is_now() -> None:
     record = clean()
     record.texts.append(Text(11.0, "PreArm: Check mag field (xy diff:100>100)"))
     record.healths.append(Text(11.2, "autopilot: Arm: Check mag field (xy diff:101>100)"))
@@ -388,10 +392,10 @@ def test_a_landing_that_was_a_fall_is_found() -> None:
         (((4.0, 1.0, 3.0), (3.0, 0.0, 3.0)), set()),
     ],
 )
-def test_a_mission_passes_its_places_in_their_order(goals: tuple[Place, ...], found: set[str]) -> None:
+def test_a_mission_passes_its_positions_in_their_order(goals: tuple[Place, ...], found: set[str]) -> None:
     record = mission()
     record.called[1] = dataclasses.replace(record.called[1], goals=goals)
-    record.truth = [Located(each.time_s, place(each.time_s)) for each in record.truth]
+    record.truth = [Located(each.time_s, current_position(each.time_s)) for each in record.truth]
     assert rules(record) == found
 
 
@@ -413,7 +417,7 @@ def test_the_judge_imports_nothing_of_the_daemon() -> None:
     assert seen >= {"follows", "services", "words", "bounds", "motion", "evidence", "record"}
 
 
-def test_what_is_new_can_be_judged_again_from_its_file() -> None:
+def test_what_is_new_can_be_assessed_again_from_its_file() -> None:
     record = mission()
     record.texts.append(Text(1.0, "GPS Glitch"))
     record.healths.append(Text(1.5, "GPS Glitch"))

@@ -20,9 +20,9 @@ from tests.campaign.record import (
     Located,
     Order,
     Record,
-    Said,
+    ReportedSample,
     Sent,
-    Told,
+    StatusText,
     Trouble,
 )
 
@@ -58,7 +58,7 @@ def state(time_s: float) -> str:
     return "FLYING_AUTO" if mode(time_s) == GUIDED else "FLYING_MANUAL"
 
 
-def place(time_s: float) -> tuple[float, float, float]:
+def current_position(time_s: float) -> tuple[float, float, float]:
     east = min(max(time_s - 9.0, 0.0), 4.0)
     up = max(0.0, min(time_s - 4.0, 3.0, 31.0 - time_s))
     return (east, 0.0, up)
@@ -74,8 +74,10 @@ def clean(autopilot: str = "ardupilot") -> Record:
     record.lives.append(Life(-10.0, DAEMON_STARTED))
     record.orders.append(Order(1.9, "arm"))
     record.orders.append(Order(TAKEN_S - 0.1, "pilot"))
-    record.told += [Told(time_s, is_armed(time_s), mode(time_s), landed(time_s)) for time_s in times(0.0, 35.0, 0.05)]
-    record.said += [Said(time_s + 0.1, state(time_s)) for time_s in times(0.0, 34.0, 0.05)]
+    record.told += [
+        ReportedSample(time_s, is_armed(time_s), mode(time_s), landed(time_s)) for time_s in times(0.0, 35.0, 0.05)
+    ]
+    record.said += [StatusText(time_s + 0.1, state(time_s)) for time_s in times(0.0, 34.0, 0.05)]
     record.sent += [
         Sent(3.1, "mode", GUIDED),
         Sent(3.2, "take_off"),
@@ -94,8 +96,8 @@ def clean(autopilot: str = "ardupilot") -> Record:
         Called("recover", 19.9, 20.3),
         Called("land", 24.9, 31.2),
     ]
-    record.truth += [Located(time_s, place(time_s)) for time_s in times(0.0, 35.0, 0.05)]
-    record.estimate += [Located(time_s, place(time_s)) for time_s in times(0.0, 35.0, 0.05)]
+    record.truth += [Located(time_s, current_position(time_s)) for time_s in times(0.0, 35.0, 0.05)]
+    record.estimate += [Located(time_s, current_position(time_s)) for time_s in times(0.0, 35.0, 0.05)]
     return record
 
 
@@ -107,13 +109,13 @@ def test_a_clean_flight_passes() -> None:
     assert judge(clean()) == []
 
 
-def test_a_record_can_be_judged_again_from_its_file() -> None:
+def test_a_record_can_be_assessed_again_from_its_file() -> None:
     record = clean()
     record.troubles.append(Trouble("pilot", 1.0, math.inf))
     assert Record.from_json(record.to_json()) == record
 
 
-def test_a_take_over_is_what_neither_daemon_nor_client_asked_for() -> None:
+def test_a_take_over_is_what_neither_daemon_nor_client_requested() -> None:
     assert Case(clean()).taken_s == [pytest.approx(TAKEN_S)]
 
 
@@ -141,7 +143,7 @@ def test_setpoints_where_the_pilot_gave_the_mode_back_are_unasked_until_a_comman
     "sent",
     [Sent(1.0, "arm"), Sent(1.0, "mode", GUIDED), Sent(2.5, "setpoint"), Sent(34.0, "setpoint"), Sent(1, "param_set")],
 )
-def test_what_nobody_asked_for_is_found(sent: Sent) -> None:
+def test_what_nobody_requested_is_found(sent: Sent) -> None:
     record = clean()
     record.sent.append(sent)
     assert rules(record) == {"unasked"}
@@ -165,14 +167,14 @@ def test_a_state_that_stays_what_it_was_is_found() -> None:
 
 def test_a_state_that_comes_within_half_a_second_is_true() -> None:
     record = clean()
-    record.said = [Said(said.time_s + 0.3, said.state) for said in record.said]
+    record.said = [StatusText(said.time_s + 0.3, said.state) for said in record.said]
     assert rules(record) == set()
 
 
 @pytest.mark.parametrize("wrong", ["LANDED_ARMED", "LANDED_DISARMED", "FLYING_MANUAL", "LANDING", "UNINITIALIZED"])
 def test_a_state_that_is_not_true_is_found(wrong: str) -> None:
     record = clean()
-    record.said.append(Said(11.0, wrong))
+    record.said.append(StatusText(11.0, wrong))
     assert rules(record) == {"state"}
 
 
@@ -214,7 +216,7 @@ def test_without_a_position_the_state_is_not_known() -> None:
         dataclasses.replace(said, state="UNINITIALIZED") if 10.0 < said.time_s < 12.0 else said for said in record.said
     ]
     assert rules(record) == {"state"}
-    record.told += [Told(9.9, is_placed=False), Told(11.9, is_placed=True)]
+    record.told += [ReportedSample(9.9, is_placed=False), ReportedSample(11.9, is_placed=True)]
     record.told.sort(key=lambda each: each.time_s)
     assert rules(record) == set()
 
@@ -266,8 +268,12 @@ def test_a_flight_beyond_the_fence_is_found_while_setpoints_fly_it() -> None:
 def test_px4_goes_through_modes_of_its_own_after_its_take_off() -> None:
     record = Record("px4")
     take_off = next(iter(PX4.takes_off))
-    record.told += [Told(0.0, True, PX4.hold, ON_GROUND), Told(1.0, mode=take_off), Told(6.0, mode=PX4.hold)]
-    record.told += [Told(6.2, mode=PX4.references), Told(9.0, mode=PX4.hold)]
+    record.told += [
+        ReportedSample(0.0, True, PX4.hold, ON_GROUND),
+        ReportedSample(1.0, mode=take_off),
+        ReportedSample(6.0, mode=PX4.hold),
+    ]
+    record.told += [ReportedSample(6.2, mode=PX4.references), ReportedSample(9.0, mode=PX4.hold)]
     record.called.append(Called("take_off", 0.5, 6.5))
     assert Case(record).taken_s == [9.0]
 
@@ -275,8 +281,12 @@ def test_px4_goes_through_modes_of_its_own_after_its_take_off() -> None:
 def test_a_failsafe_that_goes_on_while_it_is_recovered_takes_nothing_again() -> None:
     """Seed 300006 on PX4: its RTL followed its hold 0.1 s after `recover` with force had begun."""
     record = Record("px4")
-    record.told += [Told(0.0, True, PX4.references, IN_AIR), Told(5.0, mode=PX4.hold), Told(10.1, mode=PX4.returns)]
-    record.told += [Told(10.6, mode=PX4.references)]
+    record.told += [
+        ReportedSample(0.0, True, PX4.references, IN_AIR),
+        ReportedSample(5.0, mode=PX4.hold),
+        ReportedSample(10.1, mode=PX4.returns),
+    ]
+    record.told += [ReportedSample(10.6, mode=PX4.references)]
     record.called += [Called("go_to", 0.5, 5.1, "TASK_ABORTED", "failsafe"), Called("recover", 10.0, 11.0)]
     record.sent += [Sent(10.02, "setpoint"), Sent(10.3, "setpoint"), Sent(10.5, "mode", PX4.references)]
     assert Case(record).taken_s == [5.0]
@@ -289,7 +299,7 @@ def test_a_task_that_goes_on_after_the_take_over_is_found() -> None:
     assert rules(record) == {"task"}
 
 
-def test_who_took_it_must_be_told_truly() -> None:
+def test_who_took_it_must_be_reported_truly() -> None:
     record = clean()
     record.troubles.append(Trouble("pilot", TAKEN_S - 0.1, GIVEN_BACK_S))
     assert rules(record) == set()

@@ -48,14 +48,14 @@ def test_a_recorded_flight_is_clean(path: Path) -> None:
     assert any(sent.what == "setpoint" for sent in record.sent)
 
 
-def test_what_was_once_told_of_a_flight_that_ual_had_flown_is_found() -> None:
+def test_what_was_once_reported_of_a_flight_that_ual_had_executed_is_found() -> None:
     """The pilot gave GUIDED back, and UAL said that it had not been commanded in this flight."""
     (breach,) = judge(read(FOLDER / "ardupilot-400002.json.gz"))
     assert breach.rule == "words"
     assert "not been commanded in this flight" in breach.text
 
 
-def test_what_was_judged_is_counted() -> None:
+def test_what_was_assessed_is_counted() -> None:
     text = tally([read(path) for path in TAKE_OVERS])
     assert text.startswith("2 flights, ")
     assert " 2 take-overs, " in text

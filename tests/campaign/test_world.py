@@ -18,9 +18,9 @@ from tests.campaign.record import (
     Located,
     Place,
     Record,
-    Said,
+    ReportedSample,
     Sent,
-    Told,
+    StatusText,
     Trouble,
     Value,
 )
@@ -35,7 +35,7 @@ def flight(place: list[Located], *calls: Called, autopilot: str = "ardupilot") -
     record = Record(autopilot, anchor=(0.0, 0.0, 0.0))
     mode = Case(record).modes.references
     record.lives.append(Life(-10.0, DAEMON_STARTED))
-    record.told += [Told(time_s, True, mode, IN_AIR) for time_s in times(0.0, 50.0, 0.05)]
+    record.told += [ReportedSample(time_s, True, mode, IN_AIR) for time_s in times(0.0, 50.0, 0.05)]
     record.sent += [Sent(time_s, "setpoint") for time_s in times(BEGUN_S, DONE_S, 0.02)]
     record.called += [Called("go_to", 1.0, 2.0), *calls]
     record.truth += [Located(-1.0, (0.0, 0.0, 0.0)), *place]
@@ -65,12 +65,12 @@ def test_a_task_that_stands_is_found_unless_it_ends() -> None:
     assert rules(flight(still, Called("land", 11.0, 39.0))) - {"goal"} == set()
 
 
-def test_a_task_that_moves_slowly_makes_way() -> None:
+def test_a_task_that_moves_slowly_progresses() -> None:
     assert rules(flight(eastwards({0.0: 0.05}), Called("go_to", 11.0, 39.0, "TIMEOUT"))) == set()
     assert rules(flight(eastwards({0.0: 0.03}), Called("go_to", 11.0, 39.0, "TIMEOUT"))) == {"way"}
 
 
-def test_a_task_whose_line_was_cut_may_stand() -> None:
+def test_a_task_whose_path_was_cut_may_stand() -> None:
     record = flight(eastwards({0.0: 0.0}), Called("go_to", 11.0, 39.0, "TIMEOUT"))
     record.troubles.append(Trouble("silence", 12.0, 16.0))
     assert rules(record) == {"way"}
@@ -111,7 +111,7 @@ def test_how_far_aside_a_velocity_led_is_counted() -> None:
     assert allowed_m == pytest.approx(0.3)
 
 
-def test_a_velocity_leads_along_the_line_from_where_it_was_led_before() -> None:
+def test_a_velocity_leads_along_the_path_from_where_it_was_led_before() -> None:
     """PX4 holds a position within 0.4 m, and the reference of the velocity begins there (campaign, 13500105)."""
     for led_m, found in ((0.1, set()), (-0.1, {"aside"})):
         record = flight(eastwards(SPEEDS, aside_m_s=0.06), LINE)
@@ -126,7 +126,7 @@ def test_what_the_estimate_does_not_show_is_no_breach() -> None:
     assert rules(record) == set()
 
 
-def test_a_velocity_that_begins_in_motion_or_is_short_or_befallen_is_not_judged() -> None:
+def test_a_velocity_that_begins_in_motion_or_is_short_or_befallen_is_not_assessed() -> None:
     moving = {0.0: 0.0, BEGUN_S - 2.0: 1.0, 16.0: 0.0}
     assert rules(flight(eastwards(moving, aside_m_s=0.2), LINE)) == set()
     short = dataclasses.replace(LINE, ended_s=BEGUN_S + 2.5)
@@ -145,7 +145,7 @@ def test_a_short_starvation_does_not_excuse_a_velocity() -> None:
     assert rules(record) == set()
 
 
-def test_a_velocity_is_judged_as_far_as_it_is_away_from_fences() -> None:
+def test_a_velocity_is_assessed_as_far_as_it_is_away_from_fences() -> None:
     record = flight(eastwards(SPEEDS, aside_m_s=0.06), LINE)
     record.fence_m = (7.0, 100.0)  # within 3 m of it after 4 s
     assert rules(record) == set()
@@ -194,7 +194,7 @@ def test_a_simulator_that_was_slow_before_excuses_no_speed() -> None:
     assert 29.0 < breach.time_s < 31.5
 
 
-def test_a_limit_that_did_not_reach_the_daemon_binds_nothing() -> None:
+def test_a_limit_that_did_not_get_to_the_daemon_binds_nothing() -> None:
     record = limited(eastwards({0.0: 5.0}), WPNAV_SPEED=150.0)
     record.values = [each for each in record.values if each.time_s < 20.0]
     assert rules(record) == set()
@@ -276,16 +276,16 @@ def test_nothing_leads_farther_out_of_a_fence_that_it_is_beyond_already() -> Non
 # --- words ------------------------------------------------------------------------------------------------------------
 
 
-def told(record: Record, time_s: float, reason: str, state: str = "FLYING_MANUAL") -> Record:
+def reported(record: Record, time_s: float, reason: str, state: str = "FLYING_MANUAL") -> Record:
     record.said = [each for each in record.said if abs(each.time_s - time_s) > 0.3]
-    record.said.append(Said(time_s, state, reason))
+    record.said.append(StatusText(time_s, state, reason))
     record.said.sort(key=lambda each: each.time_s)
     return record
 
 
-def test_a_flight_that_was_commanded_is_never_said_not_to_have_been() -> None:
+def test_a_flight_that_was_commanded_is_never_reported_not_to_have_been() -> None:
     reason = "in the air (mode GUIDED); UAL has not been commanded in this flight and sends nothing"
-    record = told(clean(), 22.0, reason, "FLYING_AUTO")
+    record = reported(clean(), 22.0, reason, "FLYING_AUTO")
     assert rules(record) == {"words"}
     record.lives.append(Life(21.0, DAEMON_STARTED))
     assert "words" not in rules(record)
@@ -296,14 +296,14 @@ def test_a_cause_that_cannot_be_is_found(cause: str) -> None:
     record = clean()
     record.called[2] = dataclasses.replace(record.called[2], by=cause)
     assert rules(record) == {"words"}
-    assert rules(told(clean(), 17.0, f"in the air, mode LOITER does not take our references: {cause}")) == {"words"}
+    assert rules(reported(clean(), 17.0, f"in the air, mode LOITER does not take our references: {cause}")) == {"words"}
 
 
 @pytest.mark.parametrize("fault", ["silence", "cut"])
-def test_a_line_that_falls_silent_amid_an_upload_may_end_the_setpoints_as_any_other_may(fault: str) -> None:
+def test_a_path_that_falls_silent_amid_an_upload_may_end_the_setpoints_as_any_other_may(fault: str) -> None:
     record = clean()
     record.troubles.append(Trouble(fault, TAKEN_S - 1.2, TAKEN_S - 0.1))
-    assert rules(told(record, 17.0, "mode LOITER does not take our references: setpoint failsafe")) == set()
+    assert rules(reported(record, 17.0, "mode LOITER does not take our references: setpoint failsafe")) == set()
 
 
 def test_a_fence_is_not_named_where_a_ground_station_has_it_land() -> None:
@@ -319,20 +319,20 @@ def test_a_fence_is_not_named_where_a_ground_station_has_it_land() -> None:
     record.troubles += [Trouble("wide_fence", 1.0, 3.0), Trouble("station", TAKEN_S - 0.2, TAKEN_S - 0.1)]
     record.called[2] = dataclasses.replace(record.called[2], by="ground station")
     assert rules(record) == set()
-    assert rules(told(record, 18.0, "the autopilot lands (mode LAND): fence", "LANDING")) == {"words"}
+    assert rules(reported(record, 18.0, "the autopilot lands (mode LAND): fence", "LANDING")) == {"words"}
 
 
 def test_nobody_else_is_named_where_only_ual_has_commanded() -> None:
     record = clean()
-    assert rules(told(record, 22.0, "in the air; others took it (mode GUIDED)", "FLYING_AUTO")) == set()
+    assert rules(reported(record, 22.0, "in the air; others took it (mode GUIDED)", "FLYING_AUTO")) == set()
     record.orders = [order for order in record.orders if order.what == "arm"]
     assert rules(record) == {"words"}
 
 
 def test_a_cause_is_named_late_by_a_daemon_that_was_stopped_as_it_came() -> None:
-    record = told(clean(), TAKEN_S + 2.5, "in the air, mode LOITER does not take our references")
+    record = reported(clean(), TAKEN_S + 2.5, "in the air, mode LOITER does not take our references")
     record.called[2] = dataclasses.replace(record.called[2], outcome="LINK_LOST", by="")
-    record.said += [Said(17.5, "FLYING_MANUAL", "mode LOITER does not take our references: safety pilot")]
+    record.said += [StatusText(17.5, "FLYING_MANUAL", "mode LOITER does not take our references: safety pilot")]
     assert rules(record) == {"words"}
     record.troubles.append(Trouble("freeze", TAKEN_S - 0.4, TAKEN_S + 2.2))
     assert "words" not in rules(record)
@@ -342,9 +342,9 @@ def test_one_cause_has_one_name() -> None:
     record = clean()
     record.troubles.append(Trouble("freeze", 5.0, 6.0))
     record.called[2] = dataclasses.replace(record.called[2], by="failsafe")
-    assert rules(told(record, 16.0, "in the air, mode LOITER does not take our references: failsafe")) == set()
-    assert rules(told(record, 17.0, "it falls (mode LOITER does not take our references: failsafe)")) == set()
-    assert rules(told(record, 18.0, "in the air, mode LOITER does not take our references")) == {"words"}
+    assert rules(reported(record, 16.0, "in the air, mode LOITER does not take our references: failsafe")) == set()
+    assert rules(reported(record, 17.0, "it falls (mode LOITER does not take our references: failsafe)")) == set()
+    assert rules(reported(record, 18.0, "in the air, mode LOITER does not take our references")) == {"words"}
 
 
 def test_a_task_that_was_ended_by_nothing_is_found() -> None:

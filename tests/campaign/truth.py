@@ -133,7 +133,7 @@ class TruthLink:
             velocity = (message.vy / 100.0, message.vx / 100.0, -message.vz / 100.0)
         if not geo[0]:
             return
-        self.place = self._origin.place(*geo)
+        self.place = self._origin.current_position(*geo)
         self.record.truth.append(Located(now_s, self.place, velocity))
 
     def _ask(self) -> None:
@@ -164,6 +164,6 @@ class TruthLink:
 
 def note_home(homes: list[Located], origin: Origin, message: Message, now_s: float) -> None:
     """Notes where the autopilot's home is, where it has moved."""
-    place = origin.place(message.latitude / 1e7, message.longitude / 1e7, message.altitude / 1e3)
+    place = origin.current_position(message.latitude / 1e7, message.longitude / 1e7, message.altitude / 1e3)
     if not homes or distance_m(homes[-1].place, place) > _HOME_MOVED_M:
         homes.append(Located(now_s, place))

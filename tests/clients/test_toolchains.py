@@ -10,7 +10,7 @@ from tests.clients import toolchains
 from tests.clients.toolchains import CLIENTS, LANGUAGES
 
 
-def test_a_missing_toolchain_is_named_with_the_way_to_get_it(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_missing_toolchain_is_named_with_the_path_to_get_it(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr(toolchains, "BUF", tmp_path)
     for each in LANGUAGES:
@@ -24,6 +24,6 @@ def test_the_commands_are_those_of_the_readmes() -> None:
             assert " ".join(command) in readme
 
 
-def test_each_folder_is_flown() -> None:
+def test_each_folder_is_executed() -> None:
     folders = {path.name for path in CLIENTS.iterdir() if (path / "README.md").exists()}
     assert folders == {each.folder for each in LANGUAGES} | {"python"}

@@ -136,7 +136,7 @@ def test_it_is_healthy_while_its_uav_has_an_autopilot(runtime_dir: Path) -> None
         deaf.close()
 
 
-def test_the_file_of_a_user_is_read_beside_what_another_user_has_left(runtime_dir: Path) -> None:
+def test_the_file_of_a_user_is_read_next_to_what_another_user_has_left(runtime_dir: Path) -> None:
     """A killed daemon's registration is another user's, who alone may remove it: the next one has its user's number."""
     environment = daemon_environment(runtime_dir)
     daemon = DaemonProcess(("--listen", "127.0.0.1:0"), "uav_1", environment)
@@ -191,7 +191,7 @@ def test_an_answer_has_a_limit_however_often_the_daemon_says_something(monkeypat
                 probe.status(f"127.0.0.1:{server.getsockname()[1]}")
 
 
-def test_it_loads_little_as_it_runs_beside_a_flight() -> None:
+def test_it_loads_little_as_it_runs_next_to_a_flight() -> None:
     """By modules, as a clock depends on the computer: `grpc` alone loads 300."""
     done = subprocess.run(
         [sys.executable, "-IS", "-X", "importtime", str(CONTAINER / "health.py")],

@@ -108,7 +108,7 @@ def up(uav: ual.Uav) -> None:
     assert uav.state() is State.FLYING_AUTO
 
 
-def test_calls_reach_the_uav_that_the_metadata_names(gateway: str) -> None:
+def test_calls_get_to_the_uav_that_the_metadata_names(gateway: str) -> None:
     for number in range(1, COUNT + 1):
         with ual.Uav(f"uav_{number}", address=gateway) as uav:
             assert uav.info().namespace == f"uav_{number}"
@@ -203,7 +203,7 @@ def test_health_is_that_of_the_uav(gateway: str) -> None:
         ("uav_1", grpc.StatusCode.UNAVAILABLE, "the gateway cannot reach the daemon of uav_1 at 127.0.0.1:1"),
     ],
 )
-def test_a_uav_that_is_not_there_is_told(
+def test_a_uav_that_is_not_there_is_reported(
     start_gateway: StartGateway, ns: str | None, code: grpc.StatusCode, message: str
 ) -> None:
     with grpc.insecure_channel(start_gateway({"uav_1": "127.0.0.1:1"})) as channel:

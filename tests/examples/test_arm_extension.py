@@ -202,7 +202,7 @@ def test_it_is_in_reflection_and_health(daemon: DaemonProcess) -> None:
         (["--set", "extensions=arm"], "expected a section for each extension, got 'arm'"),
     ],
 )
-def test_what_is_wrong_in_the_configuration_is_said(installed: Path, flags: list[str], why: str) -> None:
+def test_what_is_wrong_in_the_configuration_is_reported(installed: Path, flags: list[str], why: str) -> None:
     done = subprocess.run(
         [sys.executable, "-m", "ual_daemon", "--print-config", *flags],
         env={"PATH": "/usr/bin:/bin", "PYTHONPATH": search_path(installed)},

@@ -31,14 +31,14 @@ LATE_M = 0.3
 """Most distance in metres of a picture from its planned position."""
 
 
-def from_line_m(place: tuple[float, float], begin: tuple[float, float], end: tuple[float, float]) -> float:
+def cross_track_m(place: tuple[float, float], begin: tuple[float, float], end: tuple[float, float]) -> float:
     dx, dy = end[0] - begin[0], end[1] - begin[1]
     share = ((place[0] - begin[0]) * dx + (place[1] - begin[1]) * dy) / (dx * dx + dy * dy)
     share = min(1.0, max(0.0, share))
     return math.dist(place, (begin[0] + share * dx, begin[1] + share * dy))
 
 
-def place_of(file: Path) -> Vector3:
+def position_of(file: Path) -> Vector3:
     """Returns the position at which the picture was taken, by its file, in the frame of its UAV."""
     with file.open("rb") as opened:
         tags: dict[str, Any] = exifread.process_file(opened, details=False)
@@ -59,7 +59,7 @@ def require_each_where_it_should_be(
     places = [(each.body.pose.position.x, each.body.pose.position.y) for each in photos if each.body is not None]
     assert len(places) == len(photos)
     assert math.dist(places[0], ends[0]) < LATE_M
-    assert max(min(from_line_m(place, *line) for line in pairwise(ends)) for place in places) < LATE_M
+    assert max(min(cross_track_m(place, *line) for line in pairwise(ends)) for place in places) < LATE_M
     steps_m = [math.dist(*pair) for pair in pairwise(places)]
     assert distance_m - LATE_M < min(steps_m)
     assert max(steps_m) < distance_m + LATE_M
@@ -84,7 +84,7 @@ def test_pictures_by_distance_are_where_they_should_be_and_their_files_say_so(tm
         assert len(files) == len(photos)
         for photo, file in zip(photos, files, strict=True):
             assert photo.body is not None
-            assert math.dist(photo.body.pose.position, place_of(file)) < 0.02
+            assert math.dist(photo.body.pose.position, position_of(file)) < 0.02
 
 
 def test_the_program_surveys_a_field(start_daemon: StartDaemon, runtime_dir: Path, tmp_path: Path) -> None:
@@ -94,10 +94,10 @@ def test_the_program_surveys_a_field(start_daemon: StartDaemon, runtime_dir: Pat
     lines = Program(runtime_dir, "map_field", "uav_1", *words).end()
     said = re.fullmatch(r"(\d+) pictures in .*set", lines[-1])
     assert said is not None, lines
-    places = [place_of(file) for file in sorted((tmp_path / "set").iterdir())]
+    places = [position_of(file) for file in sorted((tmp_path / "set").iterdir())]
     assert len(places) == int(said[1]) >= 8
     ends = map_field.lanes(map_field.FIELD, 8.0)
-    assert max(min(from_line_m((place.x, place.y), *line) for line in pairwise(ends)) for place in places) < LATE_M
+    assert max(min(cross_track_m((place.x, place.y), *line) for line in pairwise(ends)) for place in places) < LATE_M
 
 
 @given(st.floats(1.0, 7.0), st.integers(3, 9))

@@ -165,19 +165,19 @@ def test_movers_that_choose_their_velocities_never_meet(seed: int) -> None:
     assert nearest > 0.9 * avoidance.APART_M
 
 
-def test_uavs_change_places_and_keep_apart(start_daemon: StartDaemon, runtime_dir: Path) -> None:
+def test_uavs_change_positions_and_keep_apart(start_daemon: StartDaemon, runtime_dir: Path) -> None:
     names = start_fleet(start_daemon, 4, REAL_TIME)
     with watched(*names) as watch:
-        before = dict(zip(names, _places(names), strict=True))
+        before = dict(zip(names, _positions(names), strict=True))
         lines = Program(runtime_dir, "avoidance", *names, "--arm").end()
-        after = dict(zip(names, _places(names), strict=True))
+        after = dict(zip(names, _positions(names), strict=True))
     assert lines == ["all there, all landed"]
     for name, opposite in zip(names, reversed(names), strict=True):
         assert (after[name] - before[opposite]).horizontal_norm() < 0.5
     assert nearest_m(watch) > 0.5
 
 
-def _places(names: Sequence[str]) -> list[ual.Vector3]:
+def _positions(names: Sequence[str]) -> list[ual.Vector3]:
     with ual.Team(names) as team:
         return [place.translation for place in team.transform().values()]
 
@@ -254,7 +254,7 @@ def test_a_team_flies_all_lanes_though_one_is_killed_and_one_taken_over(
         assert uav.state() in (ual.State.LANDED_ARMED, ual.State.LANDED_DISARMED)
 
 
-def test_when_all_are_lost_the_lanes_that_are_left_are_told(start_daemon: StartDaemon, runtime_dir: Path) -> None:
+def test_when_all_are_lost_the_lanes_that_are_left_are_reported(start_daemon: StartDaemon, runtime_dir: Path) -> None:
     daemon = start_armed(start_daemon)
     program = Program(runtime_dir, "survivors", "uav_1", "--lanes", "2")
     program.until("uav_1 flies lane")
@@ -323,7 +323,7 @@ def test_it_never_goes_down_outside_the_cone(aside_m: float) -> None:
 # --- Film -------------------------------------------------------------------------------------------------------------
 
 
-def test_the_gimbals_look_at_the_car_all_the_time(start_daemon: StartDaemon, runtime_dir: Path) -> None:
+def test_the_gimbals_face_the_car_all_the_time(start_daemon: StartDaemon, runtime_dir: Path) -> None:
     names = start_fleet(start_daemon, 2, SPEED, "--set", "light.gimbals=[{speed_rad_s: 100}]")
     program = Program(runtime_dir, "film", *names, "--shot-s", "4", "--arm", "--gimbal", "--pictures")
     program.until("circle")

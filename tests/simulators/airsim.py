@@ -91,7 +91,7 @@ class Vehicle:
             self._call.answer(False)
             self._call = None
 
-    def place(self, position: Vector, yaw_rad: float) -> None:
+    def current_position(self, position: Vector, yaw_rad: float) -> None:
         self.body.position, self.body.yaw_rad = position, yaw_rad
         self.body.velocity = self.body.acceleration = (0.0, 0.0, 0.0)
         self.body.is_on_ground = position[2] >= 0.0

@@ -320,4 +320,4 @@ class AirsimServer:
     def _sim_set_kinematics(self, state: dict[str, Any], _: bool, name: str) -> None:
         position, rotation = state["position"], state["orientation"]
         yaw_rad = 2.0 * math.atan2(rotation["z_val"], rotation["w_val"])
-        self.vehicles[name].place((position["x_val"], position["y_val"], position["z_val"]), yaw_rad)
+        self.vehicles[name].current_position((position["x_val"], position["y_val"], position["z_val"]), yaw_rad)

@@ -318,7 +318,7 @@ class Autopilot(ABC):
         return (x + dx + ex, y + dy + ey, z + dz + ez)
 
     @property
-    def place(self) -> Vector:
+    def current_position(self) -> Vector:
         """True position, from its first origin."""
         return plus(self.body.position, self.origin)
 
@@ -626,7 +626,7 @@ class Autopilot(ABC):
     """Flight of its mission; made at each boot."""
 
     def _new_mission(self, first: int) -> MissionFlight:
-        found = MissionFlight(lambda: self.missions.lists[MISSION], first, self._mission_place, self._on_reached)
+        found = MissionFlight(lambda: self.missions.lists[MISSION], first, self._mission_position, self._on_reached)
         self.missions.on_mission = self._on_mission_changed
         found.reset()
         return found
@@ -639,7 +639,7 @@ class Autopilot(ABC):
         with self.lock:
             self.missions.keep(MISSION, items)
 
-    def _mission_place(self, item: MissionItem) -> Vector:
+    def _mission_position(self, item: MissionItem) -> Vector:
         """Returns the place of an item, in metres north, east and down."""
         altitude_m = item.z
         if item.frame in (3, 6):

@@ -175,7 +175,7 @@ class Crazyflie:
     # --- Flight -------------------------------------------------------------------------------------------------------
 
     @property
-    def place(self) -> Vector:
+    def current_position(self) -> Vector:
         x, y, z = self.body.position
         return x, -y, -z
 
@@ -419,7 +419,7 @@ class Crazyflie:
         found: dict[str, tuple[str, Callable[[], float]]] = {
             "acc.x": ("f", lambda: 0.0),
             "baro.asl": ("f", lambda: 0.0),
-            **{f"stateEstimate.{'xyz'[i]}": ("f", lambda i=i: self.place[i]) for i in axes},  # type: ignore[misc]
+            **{f"stateEstimate.{'xyz'[i]}": ("f", lambda i=i: self.current_position[i]) for i in axes},  # type: ignore[misc]
             **{f"stateEstimateZ.v{'xyz'[i]}": ("h", lambda i=i: self.velocity[i] * 1000.0) for i in axes},  # type: ignore[misc]
             "stateEstimateZ.quat": ("I", self._quaternion),
             "stateEstimateZ.rateRoll": ("h", lambda: 0.0),
@@ -482,14 +482,14 @@ class Crazyflie:
         error = 0
         if data[0] in (4, 12):
             _, _, *flags, x, y, z, yaw_rad, duration_s = struct.unpack("<BB?5f" if data[0] == 4 else "<BB??5f", data)
-            goal = tuple(a + b for a, b in zip((x, y, z), self.place if flags[0] else ZERO, strict=True))
+            goal = tuple(a + b for a, b in zip((x, y, z), self.current_position if flags[0] else ZERO, strict=True))
             self._plan(goal, yaw_rad, duration_s)
         elif data[0] == 8:
             _, _, height_m, yaw_rad, keeps_yaw, duration_s = struct.unpack("<BBff?f", data)
             if self.plan is not None and self.plan.is_landing:
                 error = 1
             else:
-                x, y, _ = self._place_of_plan()
+                x, y, _ = self._position_of_plan()
                 self._plan((x, y, height_m), self.yaw_rad if keeps_yaw else yaw_rad, duration_s, is_landing=True)
         elif data[0] == 3:
             self.plan = None
@@ -497,12 +497,12 @@ class Crazyflie:
             error = ENOEXEC
         self._send(8, 0, (data[:3] + b"\0\0\0")[:3] + bytes((error,)))
 
-    def _place_of_plan(self) -> Vector:
-        return self.place if self.plan is None else self.plan.at(self.now_s)[0]
+    def _position_of_plan(self) -> Vector:
+        return self.current_position if self.plan is None else self.plan.at(self.now_s)[0]
 
     def _plan(self, goal: Vector, yaw_rad: float, duration_s: float, *, is_landing: bool = False) -> None:
         velocity = self.velocity if self.plan is None and not is_landing else ZERO
-        start = self._place_of_plan()
+        start = self._position_of_plan()
         self.plan = Plan(self.now_s, duration_s, start, velocity, goal, self.yaw_rad, yaw_rad, is_landing)
 
 

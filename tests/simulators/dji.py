@@ -202,7 +202,7 @@ class Aircraft:
         north, east, down = self.body.velocity
         return self.stamped(vector={"x": east, "y": north, "z": -down})
 
-    def place(self, altitude_offset_m: float = 0.0) -> Message:
+    def current_position(self, altitude_offset_m: float = 0.0) -> Message:
         if self._placed_at != self.body.position:  # several topics have it, and to convert it takes long
             self._placed_at = north, east, down = self.body.position
             self._place = self._projection.to_geo(Vector3(east, north, -down))
@@ -278,9 +278,9 @@ class Psdk(Front):
                 "attitude": ("geometry_msgs/QuaternionStamped", 50.0, a.attitude),
                 "velocity_ground_fused": ("geometry_msgs/Vector3Stamped", 50.0, a.velocity),
                 "angular_rate_ground_fused": ("geometry_msgs/Vector3Stamped", 50.0, self._rates),
-                "altitude_sea_level": ("std_msgs/Float32", 50.0, lambda: one(a.place()["altitude"])),
-                "gps_position_fused": ("sensor_msgs/NavSatFix", 50.0, lambda: a.place(40.0)),
-                "rtk_position": ("sensor_msgs/NavSatFix", 5.0, a.place),
+                "altitude_sea_level": ("std_msgs/Float32", 50.0, lambda: one(a.current_position()["altitude"])),
+                "gps_position_fused": ("sensor_msgs/NavSatFix", 50.0, lambda: a.current_position(40.0)),
+                "rtk_position": ("sensor_msgs/NavSatFix", 5.0, a.current_position),
                 "rtk_position_info": ("std_msgs/UInt8", 5.0, lambda: one(50 if a.has_rtk else 0)),
                 "gps_control_level": ("std_msgs/UInt8", 5.0, lambda: one(a.gps_level)),
                 "flight_status": ("psdk_interfaces/FlightStatus", state_rate_hz, self._status),
@@ -387,7 +387,7 @@ class _Osdk(Front):
                 "attitude": ("geometry_msgs/QuaternionStamped", 50.0, a.attitude),
                 "velocity": ("geometry_msgs/Vector3Stamped", 50.0, a.velocity),
                 "angular_velocity_fused": ("geometry_msgs/Vector3Stamped", 50.0, self._rates),
-                "gps_position": ("sensor_msgs/NavSatFix", 50.0, a.place),
+                "gps_position": ("sensor_msgs/NavSatFix", 50.0, a.current_position),
                 "gps_health": ("std_msgs/UInt8", 50.0, lambda: one(a.gps_level)),
                 "flight_status": ("std_msgs/UInt8", 50.0, lambda: one(a.status)),
                 "display_mode": ("std_msgs/UInt8", 50.0, lambda: one(a.display)),

@@ -36,7 +36,7 @@ BUFFER_BYTES = 500
 """Of a radio."""
 
 
-class Way:
+class Variant:
     """One direction."""
 
     def __init__(self, noise: random.Random, *, keeps_order: bool) -> None:
@@ -95,8 +95,8 @@ class BadLink(Port):
         self.up = up
         """To the autopilot."""
         self._port = port
-        self._down = Way(random.Random(seed), keeps_order=port.is_stream)
-        self._up = Way(random.Random(seed + 1), keeps_order=port.is_stream)
+        self._down = Variant(random.Random(seed), keeps_order=port.is_stream)
+        self._up = Variant(random.Random(seed + 1), keeps_order=port.is_stream)
         self.is_stream = port.is_stream
 
     def receive(self, now_s: float) -> list[bytes]:

@@ -648,7 +648,7 @@ class Px4(Autopilot):
         """Flies its mission. It holds after the end of it, and returns in its own mode for that."""
         mission = self.mission
         if mission.is_landing(self.position) or (self._is_landed and mission.state == COMPLETE):
-            north, east, _ = self._mission_place(mission.item) if mission.item is not None else self._hold
+            north, east, _ = self._mission_position(mission.item) if mission.item is not None else self._hold
             return Target(
                 (north, east, None), (0.0, 0.0, self.parameters["MPC_LAND_SPEED"]), yaw_rad=self._hold_yaw_rad
             )

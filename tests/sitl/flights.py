@@ -39,7 +39,7 @@ class Flight:
     def position(self) -> Vector3:
         return self.uav.pose().pose.position
 
-    def beside(self, dx: float, dy: float = 0.0) -> Pose:
+    def offset(self, dx: float, dy: float = 0.0) -> Pose:
         """A place at its own height."""
         here = self.position()
         return Pose.at(here.x + dx, here.y + dy, here.z)

@@ -61,9 +61,9 @@ class Outside:
             self._measure(place, orientation_to_enu(message.q1, message.q2, message.q3, message.q4))
 
     def _measure(self, place: tuple[float, float, float], orientation: Quaternion) -> None:
-        self._newest = PoseStamped(Pose(self._place(*place), orientation), "map", time.time())
+        self._newest = PoseStamped(Pose(self._position(*place), orientation), "map", time.time())
 
-    def _place(self, latitude_deg: float, longitude_deg: float, altitude_m: float) -> Vector3:
+    def _position(self, latitude_deg: float, longitude_deg: float, altitude_m: float) -> Vector3:
         first = self._first = self._first or (latitude_deg, longitude_deg, altitude_m)
         east_m = (longitude_deg - first[1]) * _LATITUDE_M * math.cos(math.radians(first[0]))
         north_m = (latitude_deg - first[0]) * _LATITUDE_M

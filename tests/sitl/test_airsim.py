@@ -36,7 +36,7 @@ NOT_HERE = {
 """Checks that may be skipped: its daemon may arm, it takes no poses, and its limit of 5 m/s needs more room than there
 is.
 
-A simulator without a renderer has no pictures: see `test_pictures_come_or_it_is_told_why_not`.
+A simulator without a renderer has no pictures: see `test_pictures_come_or_it_learns_why_not`.
 """
 OF_CAMERAS = without("corrections", "fence", "gripper", "logs", "missions", "parameters")
 NO_RENDERER = "not offered without Unreal"
@@ -119,7 +119,7 @@ def test_conformance(flight: Flight, check: Check) -> None:
         pytest.skip(str(error))
 
 
-def test_pictures_come_or_it_is_told_why_not(flight: Flight) -> None:
+def test_pictures_come_or_it_learns_why_not(flight: Flight) -> None:
     cameras = flight.uav.cameras
     assert [each.name for each in cameras.get_all()][:2] == ["front_center", "front_right"]
     try:

@@ -99,7 +99,7 @@ def test_a_ground_stations_flight_goes_on_while_daemons_start_and_end(
     with UAL("mavlink", "uav_1", url=wiretap.url) as fourth:
         flight.uav = fourth
         flight.wait_for(fourth.is_ready, "a state")
-        fourth.go_to_waypoint(flight.beside(3.0))  # its first command takes the flight
+        fourth.go_to_waypoint(flight.offset(3.0))  # its first command takes the flight
         fourth.land()
         flight.wait_for_state(State.LANDED_DISARMED)
 
@@ -110,7 +110,7 @@ def test_two_daemons_on_two_links_and_the_idle_one_leaves_the_others_go_to_alone
     """The recipe: a second, idle daemon froze the first one's go-to, and put it in BRAKE when it ended."""
     third_port = int(url.rsplit(":", 1)[1]) + 3
     flight.take_off()
-    goal = flight.beside(20.0)
+    goal = flight.offset(20.0)
     task = uav.go_to_waypoint(goal, blocking=False)
     flight.wait_for_speed(0.5)
     second_url = f"tcp://127.0.0.1:{third_port}"
@@ -157,7 +157,7 @@ def test_a_lost_transmitter_is_named_and_its_return_is_ended_by_force_only(
     flight: Flight, uav: UAL, copter: CopterPilot
 ) -> None:
     flight.take_off()
-    task = uav.go_to_waypoint(flight.beside(40.0), blocking=False)
+    task = uav.go_to_waypoint(flight.offset(40.0), blocking=False)
     flight.wait_for_speed(1.0)
     set_parameter(copter, "SIM_RC_FAIL", 1.0)
     try:
@@ -186,7 +186,7 @@ def test_a_breached_fence_is_named(flight: Flight, uav: UAL, copter: CopterPilot
         set_parameter(copter, name, value)
     # A fence that is enabled is read, and the goal refused: so it is enabled on the way, too near to stop before it.
     start = uav.pose().pose.position
-    task = uav.go_to_waypoint(flight.beside(100.0), blocking=False)
+    task = uav.go_to_waypoint(flight.offset(100.0), blocking=False)
     flight.wait_for(lambda: (uav.pose().pose.position - start).norm() > 40.0, "being near the fence", 60.0)
     set_parameter(copter, "FENCE_ENABLE", 1.0)
     try:
@@ -234,7 +234,7 @@ def test_the_switch_to_a_mode_of_the_autopilot_is_the_pilots_and_another_the_gro
     flight.take_off()
     set_parameter(copter, "FLTMODE5", 17.0)  # BRAKE, by the pilot's switch
     try:
-        task = uav.go_to_waypoint(flight.beside(30.0), blocking=False)
+        task = uav.go_to_waypoint(flight.offset(30.0), blocking=False)
         flight.wait_for_speed(1.0)
         flight.pilot.take_over()
         with pytest.raises(TaskAbortedError) as caught:
@@ -244,7 +244,7 @@ def test_the_switch_to_a_mode_of_the_autopilot_is_the_pilots_and_another_the_gro
     finally:
         set_parameter(copter, "FLTMODE5", 5.0)
     flight.wait_for_state(State.FLYING_AUTO)
-    task = uav.go_to_waypoint(flight.beside(-30.0), blocking=False)
+    task = uav.go_to_waypoint(flight.offset(-30.0), blocking=False)
     flight.wait_for_speed(1.0)
     copter.set_mode(17, 17)
     with pytest.raises(TaskAbortedError) as caught:

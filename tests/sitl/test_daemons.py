@@ -54,7 +54,7 @@ def test_a_daemon_that_is_killed_in_flight_is_followed_by_one_that_tells_the_tru
     for number, dead_s in enumerate(DEAD_S):
         with ual.Uav(address=daemon.address) as uav:
             flight = Flight(uav, pilot)
-            uav.go_to_waypoint(flight.beside(-40.0 if number % 2 else 40.0), blocking=False)
+            uav.go_to_waypoint(flight.offset(-40.0 if number % 2 else 40.0), blocking=False)
             flight.wait_for_speed(2.0)
             daemon.signal(signal.SIGKILL)
             daemon.wait()
@@ -71,7 +71,7 @@ def test_a_daemon_that_is_killed_in_flight_is_followed_by_one_that_tells_the_tru
         assert is_ours or told["new"] == State.FLYING_MANUAL.name
         with ual.Uav(address=daemon.address) as uav:
             flight = Flight(uav, pilot)
-            flight.wait_for(partial(_is_told, pilot, simulator, is_ours), "what the pilot hears", PILOT_HEARS_S)
+            flight.wait_for(partial(_is_reported, pilot, simulator, is_ours), "what the pilot hears", PILOT_HEARS_S)
             time.sleep(1.5)  # that nothing is ordered shows only in time
             assert wiretap.orders(started_s) == []
             if uav.state() is State.FLYING_MANUAL:
@@ -82,7 +82,7 @@ def test_a_daemon_that_is_killed_in_flight_is_followed_by_one_that_tells_the_tru
         Flight(uav, pilot).wait_for_state(State.LANDED_DISARMED)
 
 
-def _is_told(pilot: Transmitter, simulator: Simulator, is_ours: bool) -> bool:
+def _is_reported(pilot: Transmitter, simulator: Simulator, is_ours: bool) -> bool:
     """Returns whether the pilot has heard that it flies by references, or that it does not."""
     return (pilot.mode == simulator.references_mode) is is_ours
 
@@ -122,7 +122,7 @@ def test_daemons_by_their_namespaces_fly_for_one_client(
             flight.be_armed()
         for task in [uav.take_off(HEIGHT_M, blocking=False) for uav in uavs]:
             task.wait()
-        goals = [flight.beside(2.0 * number, -2.0 * number) for number, flight in enumerate(flights, 1)]
+        goals = [flight.offset(2.0 * number, -2.0 * number) for number, flight in enumerate(flights, 1)]
         for task in [uav.go_to_waypoint(goal, blocking=False) for uav, goal in zip(uavs, goals, strict=True)]:
             task.wait()
         for ns, flight, goal in zip(namespaces, flights, goals, strict=True):

@@ -84,7 +84,7 @@ def test_a_hover_does_not_turn_when_the_estimate_of_the_heading_is_reset(flight:
 def test_a_go_to_ends_when_the_estimate_of_the_heading_is_reset(flight: Flight, uav: UAL, nose: Nose) -> None:
     del nose  # a PX4
     flight.take_off()
-    task = uav.go_to_waypoint(flight.beside(40.0), max_speed_m_s=2.0, blocking=False)
+    task = uav.go_to_waypoint(flight.offset(40.0), max_speed_m_s=2.0, blocking=False)
     flight.wait_for_speed(1.0)
     reset_heading(flight)
     with pytest.raises(TaskAbortedError, match="heading jumped") as caught:

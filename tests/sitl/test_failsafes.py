@@ -58,8 +58,8 @@ def fly_back_from_afar(flight: Flight) -> Task:
 
     UAL ends a go-to that would leave a new fence (`test_a_new_fence_stops_a_go_to_before_it`), before the failsafe.
     """
-    flight.uav.go_to_waypoint(flight.beside(OUT_M))
-    return flight.uav.go_to_waypoint(flight.beside(-OUT_M), blocking=False, max_speed_m_s=BACK_M_S)
+    flight.uav.go_to_waypoint(flight.offset(OUT_M))
+    return flight.uav.go_to_waypoint(flight.offset(-OUT_M), blocking=False, max_speed_m_s=BACK_M_S)
 
 
 @pytest.mark.parametrize("cause", CAUSES)
@@ -68,7 +68,7 @@ def test_a_failsafe_in_flight_is_named_and_ended_by_force_only(
 ) -> None:
     """The recipe: battery, transmitter and fence were all "taken by the safety pilot", and `recover` cancelled them."""
     flight.take_off()
-    task = fly_back_from_afar(flight) if cause == "fence" else uav.go_to_waypoint(flight.beside(FAR_M), blocking=False)
+    task = fly_back_from_afar(flight) if cause == "fence" else uav.go_to_waypoint(flight.offset(FAR_M), blocking=False)
     flight.wait_for_speed(1.0)
     with trouble(pilot, simulator.autopilot, cause):
         with pytest.raises(TaskAbortedError, match=cause) as caught:
@@ -117,12 +117,12 @@ def test_a_fence_that_the_pilot_flies_out_of_is_named(
     flight.wait_for_state(State.LANDED_DISARMED)
 
 
-def test_a_lost_position_ends_the_task_and_is_told_and_nothing_is_sent_into_it(
+def test_a_lost_position_ends_the_task_and_is_reported_and_nothing_is_sent_into_it(
     flight: Flight, uav: UAL, wiretap: Wiretap, simulator: Simulator, pilot: Transmitter
 ) -> None:
     """The estimator's failsafe: UAL has no position to fly by, until it is good again."""
     flight.take_off()
-    task = uav.go_to_waypoint(flight.beside(-80.0), max_speed_m_s=2.0, blocking=False)
+    task = uav.go_to_waypoint(flight.offset(-80.0), max_speed_m_s=2.0, blocking=False)
     flight.wait_for_speed(1.0)
     with trouble(pilot, simulator.autopilot, "position failsafe"):
         with pytest.raises(TaskAbortedError) as caught:

@@ -123,11 +123,11 @@ def _waited(begin: Callable[[], Task]) -> Callable[[], object]:
 
 
 def _go_to(flight: Flight) -> Callable[[], object]:
-    return _waited(lambda: flight.uav.go_to_waypoint(flight.beside(30.0), blocking=False))
+    return _waited(lambda: flight.uav.go_to_waypoint(flight.offset(30.0), blocking=False))
 
 
 def _path(flight: Flight) -> Callable[[], object]:
-    places = [flight.beside(20.0), flight.beside(20.0, 20.0), flight.beside(0.0)]
+    places = [flight.offset(20.0), flight.offset(20.0, 20.0), flight.offset(0.0)]
     return _waited(lambda: flight.uav.follow_path(places, blocking=False))
 
 
@@ -202,7 +202,7 @@ def _take_off(flight: Flight, doing: Doing, what: str) -> None:
 @pytest.mark.parametrize("is_restarted", [False, True], ids=["", "restarted"])
 @pytest.mark.parametrize("what", ["take_off", *FLOWN])
 @pytest.mark.usefixtures("lands_in_the_end")
-def test_a_fall_is_told_and_nothing_climbs_when_the_motors_run_again(
+def test_a_fall_is_reported_and_nothing_climbs_when_the_motors_run_again(
     daemon: DaemonProcess,
     start_daemon: StartDaemon,
     wiretap: Wiretap,
@@ -228,13 +228,13 @@ def test_a_fall_is_told_and_nothing_climbs_when_the_motors_run_again(
             assert truth.fell_s is not None
             fell_s = truth.fell_s
             with suppress(AssertionError):
-                flight.wait_for(lambda: _is_told(uav.telemetry()), "that it does not follow", 3.0)
+                flight.wait_for(lambda: _is_reported(uav.telemetry()), "that it does not follow", 3.0)
             told_s = time.monotonic() - fell_s
             told = uav.telemetry()
             doing.join()
             print(f"{simulator.autopilot} {what}: told {told_s:.2f} s after its fall: {told.state_reason}")
             print(f"its task ended by {doing.error}")
-            assert _is_told(told)
+            assert _is_reported(told)
             assert told_s < TOLD_S
             if what != "hover":
                 assert isinstance(doing.error, TaskAbortedError | WrongStateError)
@@ -256,7 +256,7 @@ def test_a_fall_is_told_and_nothing_climbs_when_the_motors_run_again(
     assert [each for each in wiretap.orders(ran_s) if "arm" in str(each)] == []
 
 
-def _is_told(told: Telemetry) -> bool:
+def _is_reported(told: Telemetry) -> bool:
     """Returns whether the fall is told, or that nothing is known: PX4 may lose its position in a fall."""
     reason = told.state_reason
     return told.state is State.UNINITIALIZED or NOT_FOLLOWED in reason or "in the air, and the UAV f" in reason

@@ -74,7 +74,7 @@ def test_a_flight_over_a_bad_link_is_completed(flight: Flight, wiretap: Wiretap)
     try:
         flight.be_armed()
         uav.take_off(HEIGHT_M)
-        goal = flight.beside(8.0, 6.0)
+        goal = flight.offset(8.0, 6.0)
         uav.go_to_waypoint(goal)
         assert (flight.position() - goal.position).norm() < 2.0
         uav.land()
@@ -88,7 +88,7 @@ def test_silence_is_a_lost_link_within_two_seconds_and_all_is_well_when_it_ends(
 ) -> None:
     uav = flight.uav
     flight.take_off()
-    task = uav.go_to_waypoint(flight.beside(30.0), blocking=False)
+    task = uav.go_to_waypoint(flight.offset(30.0), blocking=False)
     flight.wait_for_speed(1.0)
     wiretap.faults = Faults(is_silent=True)
     began_s = time.monotonic()
@@ -173,6 +173,6 @@ def test_a_daemon_that_ends_in_the_air_leaves_the_autopilot_holding_and_the_next
         assert second.state() is State.FLYING_MANUAL
         assert second.telemetry().flight_mode == simulator.own_hold
         second.recover_from_manual()
-        second.go_to_waypoint(flight.beside(3.0))
+        second.go_to_waypoint(flight.offset(3.0))
         assert second.state() is State.FLYING_AUTO
         flight.end()

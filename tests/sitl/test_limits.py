@@ -44,7 +44,7 @@ def test_a_second_flight_from_elsewhere_climbs_by_the_home_of_its_own_arming(
     flight: Flight, uav: UAL, simulator: Simulator
 ) -> None:
     flight.take_off()
-    uav.go_to_waypoint(flight.beside(6.0))
+    uav.go_to_waypoint(flight.offset(6.0))
     flight.end()
     flight.be_armed()
     ground = flight.position()
@@ -93,10 +93,10 @@ def test_a_goal_beyond_its_autopilot_fence_is_refused_and_one_inside_is_reached(
     flight.take_off()
     begin = flight.position()
     with pytest.raises(GeofenceError, match=f"beyond the autopilot's own fence \\({fence}: 30 m") as caught:
-        uav.go_to_waypoint(flight.beside(60.0))
+        uav.go_to_waypoint(flight.offset(60.0))
     assert caught.value.metadata["parameter"] == fence
     assert (flight.position() - begin).norm() < simulator.wanders_m
-    goal = flight.beside(22.0)
+    goal = flight.offset(22.0)
     uav.go_to_waypoint(goal)
     assert (flight.position() - goal.position).norm() < simulator.wanders_m
     stream_until_refused(uav, Vector3(3.0, 0.0, 0.0))
@@ -140,7 +140,7 @@ def building(flight: Flight, uav: UAL, simulator: Simulator) -> Iterator[Vector3
         flight.pilot.set_parameter("FENCE_TYPE", ALL_KINDS)
 
 
-def test_a_way_through_a_polygon_of_its_autopilot_fence_is_refused_and_one_around_it_is_flown(
+def test_a_path_through_a_polygon_of_its_autopilot_fence_is_refused_and_one_around_it_is_executed(
     flight: Flight, uav: UAL, building: Vector3, simulator: Simulator
 ) -> None:
     backend = backend_of(uav)

@@ -152,7 +152,7 @@ def flight(cable: Cable, pilot: Transmitter) -> Iterator[Flight]:
 
 
 def begin_go_to(flight: Flight, dx: float) -> Task:
-    task = flight.uav.go_to_waypoint(flight.beside(dx), blocking=False)
+    task = flight.uav.go_to_waypoint(flight.offset(dx), blocking=False)
     flight.wait_for_speed(1.5)
     return task
 
@@ -200,7 +200,7 @@ def test_a_pilot_who_takes_over_in_a_stall_keeps_control(
     flight.uav.recover_from_manual()
 
 
-def test_a_command_that_is_given_in_a_stall_is_not_executed_once_the_pilot_has_it(
+def test_a_command_that_is_issued_in_a_stall_is_not_executed_once_the_pilot_has_it(
     flight: Flight, cable: Cable, simulator: Simulator
 ) -> None:
     flight.take_off()

@@ -49,7 +49,7 @@ def test_a_ground_station_that_makes_it_hold_is_named_and_land_ends_the_flight(
     flight: Flight, uav: UAL, wiretap: Wiretap, simulator: Simulator
 ) -> None:
     flight.take_off()
-    task = uav.go_to_waypoint(flight.beside(40.0), blocking=False)
+    task = uav.go_to_waypoint(flight.offset(40.0), blocking=False)
     flight.wait_for_speed(1.0)
     hold_by_station(flight, simulator)
     with pytest.raises(TaskAbortedError) as caught:
@@ -69,7 +69,7 @@ def test_return_to_launch_ends_a_flight_that_the_autopilot_holds_and_never_one_t
     flight.set_home(0.0)  # another test's home may still count
     flight.take_off()
     ground = flight.position()
-    uav.go_to_waypoint(flight.beside(8.0))
+    uav.go_to_waypoint(flight.offset(8.0))
     flight.pilot.take_over()
     flight.wait_for_state(State.FLYING_MANUAL)
     for command in (uav.land, uav.return_to_launch):
@@ -91,7 +91,7 @@ def test_a_second_idle_daemon_behind_the_same_router_leaves_the_others_go_to_alo
 ) -> None:
     """The recipe: a second, idle daemon froze the first one's go-to, and took it out of its mode when it ended."""
     flight.take_off()
-    goal = flight.beside(20.0)
+    goal = flight.offset(20.0)
     task = uav.go_to_waypoint(goal, blocking=False)
     flight.wait_for_speed(0.5)
     since_s = time.monotonic()
@@ -123,7 +123,7 @@ def rate_hz(wiretap: Wiretap) -> float:
     return wiretap.setpoints(since_s) / RATE_S
 
 
-def test_rates_that_a_ground_station_lowers_are_asked_for_again(
+def test_rates_that_a_ground_station_lowers_are_requested_again(
     flight: Flight, uav: UAL, wiretap: Wiretap, simulator: Simulator
 ) -> None:
     """The recipe: the setpoints fell from 34 to 19 a second, for good."""
@@ -158,7 +158,7 @@ def test_after_a_pause_that_is_too_long_for_the_autopilot_it_is_not_taken_back_u
     with UAL("mavlink", "uav_1", url=wiretap.url) as uav:  # reads the parameter anew
         flight.uav = uav
         flight.take_off()
-        task = uav.go_to_waypoint(flight.beside(40.0), blocking=False)
+        task = uav.go_to_waypoint(flight.offset(40.0), blocking=False)
         flight.wait_for_speed(1.0)
         wiretap.faults = Faults(is_silent=True)
         time.sleep(0.75)
@@ -179,7 +179,7 @@ def test_after_a_pause_that_is_too_long_for_the_autopilot_it_is_not_taken_back_u
 def test_an_abort_at_speed_stops_within_the_limits_and_holds(flight: Flight, uav: UAL, simulator: Simulator) -> None:
     """The recipe: an abort from 8 m/s took 20 m. Goals without a speed are flown at the autopilot's cruise now."""
     flight.take_off()
-    uav.go_to_waypoint(flight.beside(60.0), max_speed_m_s=SPEED_M_S, blocking=False)
+    uav.go_to_waypoint(flight.offset(60.0), max_speed_m_s=SPEED_M_S, blocking=False)
     flight.wait_for_speed(0.95 * SPEED_M_S)
     time.sleep(1.5)  # until it does not accelerate any more
     begin, speed_m_s = flight.position(), uav.velocity().twist.linear.norm()

@@ -62,7 +62,7 @@ def boot(tmp_path: Path) -> Iterator[Boot]:
 
 
 @contextmanager
-def flown(uav: ual.Uav) -> Iterator[Flight]:
+def executed(uav: ual.Uav) -> Iterator[Flight]:
     """A flight with its safety pilot: take-off, what is in the block, landing."""
     parts = urlsplit(ARDUPILOT.pilot_url())
     assert parts.hostname is not None
@@ -79,7 +79,7 @@ def flown(uav: ual.Uav) -> Iterator[Flight]:
         pilot.close()
 
 
-def place(uav: ual.Uav) -> Vector3:
+def current_position(uav: ual.Uav) -> Vector3:
     """Returns the autopilot's own position on Earth, from the first one: east, north, up."""
     point = uav.telemetry().position_geo
     assert point is not None
@@ -115,19 +115,19 @@ def test_home_and_map_stay_where_they_are_on_earth(boot: Boot, start_daemon: Sta
     daemon = start()
     with ual.Uav(address=daemon.address) as uav:
         wait_until_placed(uav, after_boot=False)
-        with flown(uav):
+        with executed(uav):
             uav.go_to_waypoint(Pose.at(10.0, 0.0, 3.0))
         uav.set_home()
-        print("home 10 m from the local origin:", tuple(uav.pose().pose.position), tuple(place(uav)))
+        print("home 10 m from the local origin:", tuple(uav.pose().pose.position), tuple(current_position(uav)))
 
         boot(10.0)  # the battery is swapped on the spot
         here = wait_until_placed(uav)
-        print("after a boot on the spot:", tuple(here), tuple(place(uav)))
+        print("after a boot on the spot:", tuple(here), tuple(current_position(uav)))
         assert tuple(here) == near(0, 0, here.z)
-        with flown(uav):
+        with executed(uav):
             uav.go_to_waypoint(Pose.at(0.0, 0.0, 5.0))
-            print("go-to 0 0 5:", tuple(uav.pose().pose.position), tuple(place(uav)))
-            assert tuple(place(uav)) == near(10, 0, 5)
+            print("go-to 0 0 5:", tuple(uav.pose().pose.position), tuple(current_position(uav)))
+            assert tuple(current_position(uav)) == near(10, 0, 5)
 
     daemon.signal(signal.SIGKILL)
     daemon.wait()
@@ -136,17 +136,17 @@ def test_home_and_map_stay_where_they_are_on_earth(boot: Boot, start_daemon: Sta
         here = wait_until_placed(uav, after_boot=False)
         print("after a restart of the daemon:", tuple(here), daemon.wait_for("home_restored"))
         assert tuple(here) == near(0, 0, here.z)
-        with flown(uav):
+        with executed(uav):
             uav.go_to_waypoint(PoseStamped(Pose.at(2.0, 0.0, 4.0), "map"))
-            print("go-to 2 0 4 in map:", tuple(place(uav)))
-            assert tuple(place(uav)) == near(2, 0, 4)
+            print("go-to 2 0 4 in map:", tuple(current_position(uav)))
+            assert tuple(current_position(uav)) == near(2, 0, 4)
             uav.go_to_waypoint(Pose.at(0.0, 0.0, 4.0))
-            assert tuple(place(uav)) == near(10, 0, 4)
+            assert tuple(current_position(uav)) == near(10, 0, 4)
 
         boot(30.0)  # outside the fence
         here = wait_until_placed(uav)
-        print("after a boot 20 m further east:", tuple(here), tuple(place(uav)))
+        print("after a boot 20 m further east:", tuple(here), tuple(current_position(uav)))
         assert tuple(here) == near(20, 0, here.z)
         assert uav.transform("map").translation.x == pytest.approx(30.0, abs=NEAR_M)
-        with pytest.raises(ual.GeofenceError), flown(uav):
+        with pytest.raises(ual.GeofenceError), executed(uav):
             pass

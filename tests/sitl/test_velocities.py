@@ -71,10 +71,10 @@ def test_a_velocity_leads_from_a_held_position_on(flight: Flight, held: Pose, si
     assert corner[-1].x == pytest.approx(expected_m, abs=MADE * expected_m + limit_m)
 
 
-def test_a_goal_is_flown_at_the_autopilots_own_cruise(flight: Flight, uav: UAL, simulator: Simulator) -> None:
+def test_a_goal_is_executed_at_the_autopilots_own_cruise(flight: Flight, uav: UAL, simulator: Simulator) -> None:
     flight.take_off()
     cruise_m_s = min(backend_of(uav).info().cruise_speed_m_s, uav.info().limits.horizontal_speed_m_s)
-    task = uav.go_to_waypoint(flight.beside(60.0), blocking=False)
+    task = uav.go_to_waypoint(flight.offset(60.0), blocking=False)
     speeds: list[float] = []
     while not task.done():
         time.sleep(0.05)

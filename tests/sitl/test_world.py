@@ -84,7 +84,7 @@ def test_a_new_fence_stops_a_go_to_before_it(
     flight: Flight, uav: UAL, begin: Vector3, new_fence: Callable[[float], None]
 ) -> None:
     """PX4 flew through a fence that UAL knew at 6 m/s, 25.7 m out of 15."""
-    task = uav.go_to_waypoint(flight.beside(60.0), blocking=False, max_speed_m_s=FAST_M_S)
+    task = uav.go_to_waypoint(flight.offset(60.0), blocking=False, max_speed_m_s=FAST_M_S)
     flight.wait_for_speed(0.9 * FAST_M_S)
     radius_m = (flight.position() - begin).horizontal_norm() + AHEAD_M
     new_fence(radius_m)
@@ -101,7 +101,7 @@ def test_a_new_fence_that_is_too_near_ends_the_go_to_and_then_the_failsafe_is_na
     flight: Flight, uav: UAL, begin: Vector3, new_fence: Callable[[float], None]
 ) -> None:
     """UAL's own rule ends its task at once; no braking can do it, and the autopilot's failsafe takes the flight."""
-    task = uav.go_to_waypoint(flight.beside(60.0), blocking=False, max_speed_m_s=FAST_M_S)
+    task = uav.go_to_waypoint(flight.offset(60.0), blocking=False, max_speed_m_s=FAST_M_S)
     flight.wait_for_speed(0.9 * FAST_M_S)
     new_fence((flight.position() - begin).horizontal_norm() + TOO_NEAR_M)
     with pytest.raises(GeofenceError, match="this has changed in flight"):
@@ -160,7 +160,7 @@ def test_a_height_above_home_counts_from_the_home_that_was_set_just_before(
 @pytest.fixture
 def outside(flight: Flight, uav: UAL, begin: Vector3, copter: CopterPilot) -> Iterator[Vector3]:
     """It is 3 m outside of a polygon that was uploaded in flight, and is recovered from the fence's return."""
-    uav.go_to_waypoint(flight.beside(OUT_M))
+    uav.go_to_waypoint(flight.offset(OUT_M))
     projection = backend_of(uav).snapshot().earth.projection
     assert projection is not None
     corners = [
@@ -212,7 +212,7 @@ def reason_of_landing(flight: Flight) -> str:
     return flight.uav.telemetry().state_reason
 
 
-def test_a_ground_stations_landing_is_told_as_that(flight: Flight, uav: UAL, begin: Vector3) -> None:
+def test_a_ground_stations_landing_is_reported_as_that(flight: Flight, uav: UAL, begin: Vector3) -> None:
     task = uav.go_to_waypoint(Pose.at(begin.x + 20.0, begin.y, 10.0), blocking=False)
     flight.wait_for_speed(1.0)
     reason = reason_of_landing(flight)

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from typing import Protocol
 from urllib.parse import urlsplit
 
-from tests.simulators.faults import GOOD, Way
+from tests.simulators.faults import GOOD, Variant
 from ual_daemon.backends.mavlink.wire.frames import FrameReader
 from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
 
@@ -36,7 +36,7 @@ _STATION_ID = 253
 
 
 @dataclass(frozen=True)
-class Heard:
+class ReceivedMessage:
     """A message of the daemon, and when it passed (monotonic clock)."""
 
     time_s: float
@@ -76,7 +76,7 @@ class Wiretap:
         self._injector.join(_STATION_ID)
         self._reader = FrameReader()
         self._lock = threading.Lock()
-        self._sent: list[Heard] = []
+        self._sent: list[ReceivedMessage] = []
         self._is_closing = False
         self._ears = ears
         self._injected: deque[bytes] = deque()
@@ -130,11 +130,11 @@ class Wiretap:
             return
         time_s = time.monotonic()
         for frame in self._reader.feed(data):
-            heard = Heard(time_s, self._codec.decode(frame), frame.component_id)
+            heard = ReceivedMessage(time_s, self._codec.decode(frame), frame.component_id)
             with self._lock:
                 self._sent.append(heard)
 
-    def _note_told(self, data: bytes) -> None:
+    def _note_reported(self, data: bytes) -> None:
         if self._ears is not None:
             self._ears.hear_autopilot(data)
 
@@ -145,7 +145,7 @@ class Wiretap:
             selector.register(self._near, selectors.EVENT_READ)
             autopilot = None
             daemons: set[tuple[str, int]] = set()
-            down, up = Way(random.Random(1), keeps_order=False), Way(random.Random(2), keeps_order=False)
+            down, up = Variant(random.Random(1), keeps_order=False), Variant(random.Random(2), keeps_order=False)
             while not self._is_closing:
                 for key, _ in selector.select(_wait_s(down, up)):
                     data, address = key.fileobj.recvfrom(_PIECE)  # type: ignore[union-attr]
@@ -157,7 +157,7 @@ class Wiretap:
                         self._note(data)
                         up.put(data, time.monotonic(), self.faults)
                 for data in down.take(time.monotonic()):
-                    self._note_told(data)
+                    self._note_reported(data)
                     for daemon in daemons:
                         self._near.sendto(data, daemon)
                 while self._injected and autopilot is not None:
@@ -184,7 +184,7 @@ class Wiretap:
         """Until either end closes."""
         for end in (daemon, far):  # else a position waits for the next ones, and 20 setpoints a second leave, not 50
             end.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        down, up = Way(random.Random(1), keeps_order=True), Way(random.Random(2), keeps_order=True)
+        down, up = Variant(random.Random(1), keeps_order=True), Variant(random.Random(2), keeps_order=True)
         with selectors.DefaultSelector() as selector:
             selector.register(far, selectors.EVENT_READ)
             selector.register(daemon, selectors.EVENT_READ)
@@ -197,7 +197,7 @@ class Wiretap:
                         self._note(data)
                     (up if key.fileobj is daemon else down).put(data, time.monotonic(), self.faults)
                 for data in down.take(time.monotonic()):
-                    self._note_told(data)
+                    self._note_reported(data)
                     daemon.sendall(data)
                 for data in up.take(time.monotonic()):
                     far.sendall(data)
@@ -205,6 +205,6 @@ class Wiretap:
                     far.sendall(self._injected.popleft())
 
 
-def _wait_s(*ways: Way) -> float:
+def _wait_s(*ways: Variant) -> float:
     """Returns the seconds to wait for more, before messages under way are looked at."""
     return 0.1 if all(way.is_empty for way in ways) else 0.002

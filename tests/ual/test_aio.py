@@ -275,7 +275,7 @@ def test_it_survives_a_daemon_that_is_restarted_elsewhere(start_daemon: StartDae
     run(fly, ns="uav_1")
 
 
-def test_it_survives_a_daemon_that_is_restarted_in_place(start_daemon: StartDaemon) -> None:
+def test_it_survives_a_daemon_that_is_restarted_in_position(start_daemon: StartDaemon) -> None:
     first = start_daemon()
     address = first.address
 
@@ -417,7 +417,7 @@ def test_a_refused_setpoint_is_raised_by_the_next_call_or_logged(caplog: pytest.
     assert "the last setpoints were refused: WRONG_STATE: the pilot flies again" in caplog.text
 
 
-def test_a_refusal_that_grpc_has_lost_is_asked_for_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_refusal_that_grpc_has_lost_is_requested_again(monkeypatch: pytest.MonkeyPatch) -> None:
     """A stream that the daemon ended during a write was told as INTERNAL, whatever had been refused."""
 
     async def lose_status(*_: object) -> None:
@@ -442,7 +442,7 @@ def test_a_refusal_that_grpc_has_lost_is_asked_for_again(monkeypatch: pytest.Mon
         run(fly, address=daemon.address)
 
 
-def test_a_refusal_that_grpc_has_lost_is_not_told_as_taken(
+def test_a_refusal_that_grpc_has_lost_is_not_reported_as_taken(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async def lose_status(*_: object) -> None:
@@ -461,7 +461,7 @@ def test_a_refusal_that_grpc_has_lost_is_not_told_as_taken(
     assert "the last setpoints were refused: DAEMON_UNREACHABLE: the daemon ended the stream" in caplog.text
 
 
-def test_setpoints_that_the_daemon_does_not_take_are_told(
+def test_setpoints_that_the_daemon_does_not_take_are_reported(
     caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     async def fly(uav: aio.Uav) -> None:

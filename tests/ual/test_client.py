@@ -48,12 +48,12 @@ def wait_until(uav: ual.Uav, condition: Callable[[Telemetry], bool]) -> Telemetr
     found: list[Telemetry] = []
     there = threading.Event()
 
-    def look(telemetry: Telemetry) -> None:
+    def poll_once(telemetry: Telemetry) -> None:
         if not there.is_set() and condition(telemetry):
             found.append(telemetry)
             there.set()
 
-    with uav.subscribe(look):
+    with uav.subscribe(poll_once):
         assert there.wait(LIMIT_S)
     return found[0]
 
@@ -160,7 +160,7 @@ def test_it_survives_a_daemon_that_is_restarted_elsewhere(start_daemon: StartDae
             assert received.wait_for(lambda: samples, LIMIT_S), "the subscription did not come back"
 
 
-def test_it_survives_a_daemon_that_is_restarted_in_place(start_daemon: StartDaemon) -> None:
+def test_it_survives_a_daemon_that_is_restarted_in_position(start_daemon: StartDaemon) -> None:
     first = start_daemon()
     address = first.address
     with ual.Uav("uav_1", address=address) as uav:
@@ -274,7 +274,7 @@ def test_when_the_time_is_over_the_task_is_cancelled(daemon: DaemonProcess) -> N
         daemon.wait_for("task_ended", task="go_to_waypoint", reason="TASK_ABORTED")
 
 
-def test_a_client_that_waits_for_long_may_look_after_its_daemon(
+def test_a_client_that_waits_for_long_may_poll_after_its_daemon(
     daemon: DaemonProcess, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     del daemon
@@ -302,7 +302,7 @@ def test_a_task_can_be_waited_for_no_longer_than_wanted(daemon: DaemonProcess) -
         assert "ABORTED" in repr(task)
 
 
-def test_a_command_that_got_no_answer_is_not_said_to_go_on(daemon: DaemonProcess) -> None:
+def test_a_command_that_got_no_answer_is_not_reported_to_go_on(daemon: DaemonProcess) -> None:
     with ual.Uav("uav_1") as uav:
         assert uav.is_ready()
         words = "if it reached the UAV it goes on: ask for the state"
@@ -345,11 +345,11 @@ def test_a_waiting_call_ends_with_its_program(daemon: DaemonProcess, ending: str
             else:
                 flying.close()
 
-        def look(sample: Telemetry) -> None:
+        def poll_once(sample: Telemetry) -> None:
             if sample.task is not None:
                 is_flying.set()
 
-        with ual.Uav("uav_1") as flying, uav.subscribe(look):
+        with ual.Uav("uav_1") as flying, uav.subscribe(poll_once):
             ender = threading.Thread(target=end)
             ender.start()
             expected = KeyboardInterrupt if ending == "interrupt" else errors.UalError

@@ -374,7 +374,7 @@ def test_without_leave_to_move_nothing_moves(sabotaged: Sabotaged) -> None:
     assert {result.outcome for result in results} == {Outcome.SKIPPED}
 
 
-def test_an_operator_is_asked_to_arm_what_nobody_else_may(sabotaged: Sabotaged) -> None:
+def test_an_operator_is_requested_to_arm_what_nobody_else_may(sabotaged: Sabotaged) -> None:
     asked: list[str] = []
 
     def ask(what: str) -> None:

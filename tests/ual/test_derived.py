@@ -55,7 +55,7 @@ def test_a_member_of_the_interface_is_one_call_or_written_by_hand() -> None:
 
 
 @pytest.mark.parametrize("owner", sorted(each.name for each in parts(compiled())))
-def test_both_clients_have_the_members_of_each_service_beside_flying(owner: str) -> None:
+def test_both_clients_have_the_members_of_each_service_next_to_flying(owner: str) -> None:
     interface, sync, aio = (getattr(module, owner) for module in (ual.interface, _derived_parts, aio_parts))
     by_hand = {"stream"} if owner == "Corrections" else set()
     assert names_of(interface) == names_of(sync) | by_hand == names_of(aio) | by_hand

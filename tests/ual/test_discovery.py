@@ -121,7 +121,7 @@ def test_a_pid_that_somebody_else_has_by_now_is_no_daemon() -> None:
     assert discovery.find() == "127.0.0.1:6002"
 
 
-def test_a_daemon_whose_pid_is_not_seen_from_here_is_there_by_its_lock() -> None:
+def test_a_daemon_whose_pid_is_not_observed_from_here_is_there_by_its_lock() -> None:
     register("uav_1", pid=GONE_PID)
     with discovery.lock_file("uav_1").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)

@@ -52,7 +52,7 @@ def wait_until_at_rest(uav: Uav) -> None:
         assert stands.wait(LIMIT_S)
 
 
-def test_while_one_has_it_another_is_refused_and_told_who(daemon: DaemonProcess, uav: ual.Uav) -> None:
+def test_while_one_has_it_another_is_refused_and_reported_who(daemon: DaemonProcess, uav: ual.Uav) -> None:
     with uav.lease("survey"), another(daemon) as other:
         uav.take_off(3.0)
         with pytest.raises(LeaseHeldError, match="survey") as caught:
@@ -101,7 +101,7 @@ def test_a_task_of_the_holder_ends_with_its_lease(uav: ual.Uav) -> None:
     wait_until_at_rest(uav)
 
 
-def test_a_commander_takes_it_and_the_holder_is_told(daemon: DaemonProcess, uav: ual.Uav) -> None:
+def test_a_commander_takes_it_and_the_holder_is_notified(daemon: DaemonProcess, uav: ual.Uav) -> None:
     with another(daemon) as other:
         lease = uav.lease("survey")
         assert lease.lost is None

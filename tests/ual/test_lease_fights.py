@@ -55,7 +55,7 @@ class Referee:
         for name in ("acquire_lease", "release_lease", "_expire_lease"):
             setattr(vehicle, name, self._noted(getattr(vehicle, name)))
         vehicle.observe_setpoints(self._on_setpoint)
-        vehicle.subscribe(lambda _: self._look())
+        vehicle.subscribe(lambda _: self._poll())
 
     def _noted(self, change: Callable[P, T]) -> Callable[P, T]:
         """Returns what changes the lease and stops the UAV, and notes that it is under way."""
@@ -71,7 +71,7 @@ class Referee:
 
         return noted
 
-    def _look(self) -> None:
+    def _poll(self) -> None:
         lease = self._vehicle.lease()
         now = "" if lease is None else f"{lease.holder} {lease.since_s}"
         with self._changed:

@@ -91,7 +91,7 @@ def test_values_say_what_they_are() -> None:
     assert repr(ual.WrongStateError("land needs FLYING_AUTO")) == "WrongStateError('land needs FLYING_AUTO')"
 
 
-def test_telemetry_prints_a_line_for_each_thing_that_is_known() -> None:
+def test_telemetry_prints_a_row_for_each_thing_that_is_known() -> None:
     sample = ual.Telemetry(State.LANDED_ARMED, armed=True, battery=ual.Battery(50.0))
     lines = repr(sample).splitlines()
     assert lines[0] == "Telemetry("

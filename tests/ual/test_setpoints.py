@@ -133,7 +133,7 @@ def test_a_refusal_that_no_call_can_raise_is_logged(
     assert "the last setpoints were refused: WRONG_STATE: the pilot flies" in caplog.text
 
 
-def test_what_the_daemon_does_not_take_before_the_stream_must_end_is_told(
+def test_what_the_daemon_does_not_take_before_the_stream_must_end_is_reported(
     daemon: FakeDaemon, setpoints: Setpoints, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(_setpoints, "CLOSE_S", 0.2)
@@ -342,7 +342,7 @@ def test_nothing_is_sent_in_a_call_that_is_over(clock: HandClock, monkeypatch: p
     assert call.sent == [0.0], "the first found out"
 
 
-def test_without_a_direct_way_a_slow_reader_gets_the_newest(clock: HandClock, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_direct_path_a_slow_reader_gets_the_newest(clock: HandClock, monkeypatch: pytest.MonkeyPatch) -> None:
     stream = opened(clock, IteratedCall(), monkeypatch)
     stream.put(forward(1.0))
     assert next(stream).velocity.twist.linear.x == 1.0
@@ -353,7 +353,7 @@ def test_without_a_direct_way_a_slow_reader_gets_the_newest(clock: HandClock, mo
     assert list(stream) == []
 
 
-def test_what_is_under_way_stands_in_what_grpc_waits_for(clock: HandClock, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_in_progress_stands_in_what_grpc_waits_for(clock: HandClock, monkeypatch: pytest.MonkeyPatch) -> None:
     call = Call()
     stream = opened(clock, call, monkeypatch)
     stream.put(forward(1.0))

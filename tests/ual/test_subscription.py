@@ -104,12 +104,12 @@ def test_a_slow_callback_gets_the_newest_and_the_count_of_what_it_missed(
 def offer_and_tell(
     offer: Callable[[Telemetry], None], sequence: int, came: threading.Event
 ) -> Callable[[Telemetry], None]:
-    def offer_told(telemetry: Telemetry) -> None:
+    def offer_reported(telemetry: Telemetry) -> None:
         offer(telemetry)
         if telemetry.sequence == sequence:
             came.set()
 
-    return offer_told
+    return offer_reported
 
 
 def test_the_stream_is_read_and_others_called_back_however_many_callbacks_do_not_return(
@@ -167,7 +167,7 @@ def test_what_closes_itself_gives_its_connection_back(daemon: FakeDaemon, uav: u
     until(lambda: open_count() <= before_count + 5, seen=open_count)
 
 
-def test_a_system_without_threads_is_told(uav: ual.Uav, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_system_without_threads_is_reported(uav: ual.Uav, monkeypatch: pytest.MonkeyPatch) -> None:
     start = threading.Thread.start
 
     def refuse(thread: threading.Thread) -> None:
@@ -233,7 +233,7 @@ def test_one_of_two_subscriptions_ends_without_the_other(daemon: FakeDaemon, uav
         assert len(streams) == 2
 
 
-def test_what_is_refused_to_one_can_be_asked_again(daemon: FakeDaemon, uav: ual.Uav) -> None:
+def test_what_is_refused_to_one_can_be_queried_again(daemon: FakeDaemon, uav: ual.Uav) -> None:
     daemon.refusal = InvalidArgumentError("not now", {})
     with pytest.raises(InvalidArgumentError):
         uav.subscribe(print)
@@ -419,7 +419,7 @@ def test_a_client_that_is_being_closed_opens_no_subscription(daemon: FakeDaemon)
     no_thread_is_left()
 
 
-def test_who_waits_for_a_first_sample_is_told_that_the_client_was_closed(daemon: FakeDaemon) -> None:
+def test_who_waits_for_a_first_sample_learns_that_the_client_was_closed(daemon: FakeDaemon) -> None:
     daemon.script()
     telemetry, has_begun = daemon.telemetry, threading.Event()
     refusals: list[str] = []

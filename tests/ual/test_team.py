@@ -211,7 +211,7 @@ def test_a_team_that_would_wait_for_itself_says_so(team: ual.Team) -> None:
         team.ask(ask)
 
 
-def test_what_each_is_given_has_to_be_a_call_of_the_asyncio_uav(team: ual.Team) -> None:
+def test_what_each_is_passed_has_to_be_a_call_of_the_asyncio_uav(team: ual.Team) -> None:
     for no_call in (lambda name, _: team[name].state(), lambda *_: None):
         with pytest.raises(ual.InvalidArgumentError, match=r"is no coroutine: return a call of the ual\.aio\.Uav"):
             team.each(no_call)  # type: ignore[arg-type]

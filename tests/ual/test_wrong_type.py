@@ -220,7 +220,7 @@ def test_the_stamp_of_a_pose_from_outside_is_a_number() -> None:
         assert error.message == f"pose.stamp_s: {shown} is not a finite number"
 
 
-def test_a_heading_that_is_no_number_is_refused_where_it_is_given() -> None:
+def test_a_heading_that_is_no_number_is_refused_where_it_is_passed() -> None:
     with pytest.raises(ual.InvalidArgumentError, match="yaw_rad: 'north' is not an angle"):
         ual.Pose.at(1.0, 2.0, 3.0, "north")  # type: ignore[arg-type]
 
@@ -231,7 +231,7 @@ def test_a_task_that_is_named_by_a_number_is_not_there(refused_by_class: Refuse)
 
 
 @pytest.mark.parametrize("make", [ual.Uav, ual.aio.Uav])
-def test_an_address_in_place_of_a_name_is_refused(make: Callable[..., object]) -> None:
+def test_an_address_instead_of_a_name_is_refused(make: Callable[..., object]) -> None:
     """It would be looked for as a name, at the default port of this computer: another UAV may be there."""
     with pytest.raises(ual.InvalidArgumentError, match=r"pass it as address='10.0.0.7:50051'"):
         make("10.0.0.7:50051")

@@ -69,7 +69,7 @@ HEARD = {
 }
 
 
-def wait_until_heard(uav: ual.Uav | UAL) -> None:
+def wait_until_received(uav: ual.Uav | UAL) -> None:
     until(lambda: not uav.telemetry().state_reason.startswith("nothing heard"), seen=uav.telemetry)
 
 
@@ -95,7 +95,7 @@ def test_no_call_meets_a_defect_while_little_is_known(heard: str, start_daemon: 
     with HEARD[heard](port):
         if heard != "nobody":
             with ual.Uav(address=daemon.address) as uav:
-                wait_until_heard(uav)
+                wait_until_received(uav)
         require_no_defect(daemon)
 
 
@@ -117,7 +117,7 @@ def test_the_class_says_what_a_plan_lacks(heard: str) -> None:
     items = [Waypoint(47.3978, 8.5457, 10.0)]
     with HEARD[heard](port), UAL(backend="mavlink", url=f"udpin://{HOST}:{port}", ns="uav_1") as uav:
         if heard != "nobody":
-            wait_until_heard(uav)
+            wait_until_received(uav)
         kind, why = (LinkLostError, "heard") if heard == "nobody" else (WrongStateError, "where the UAV is: the autop")
         with pytest.raises(kind, match=why):
             uav.mission.plan(items)

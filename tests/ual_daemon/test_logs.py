@@ -24,7 +24,7 @@ def test_the_text_of_a_refusal_has_the_reason(caplog: pytest.LogCaptureFixture) 
     assert caplog.messages == ['refused command=land reason=WRONG_STATE why="land needs the state FLYING_AUTO"']
 
 
-def test_a_value_cannot_look_like_another_field_or_fill_the_log(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_value_cannot_resemble_another_field_or_fill_the_log(caplog: pytest.LogCaptureFixture) -> None:
     logs.event(_log, logging.INFO, "command", what="a=1\nb", long="x" * 400)
     logs.event(_log, logging.WARNING, "command", what="a=1\nb", long="x" * 400)
     [text] = caplog.messages

@@ -25,7 +25,7 @@ def refusal(values: dict[str, Any], section: str = "") -> ConfigError:
     return error
 
 
-def test_nothing_given_is_the_defaults() -> None:
+def test_nothing_passed_is_the_defaults() -> None:
     found = vehicle({})
     assert found == VehicleSettings()
     assert found.home_pose == (0.0, 0.0, 0.0)
@@ -33,7 +33,7 @@ def test_nothing_given_is_the_defaults() -> None:
     assert math.isinf(found.limits.climb_speed_m_s)
 
 
-def test_given_values_are_taken_with_their_types() -> None:
+def test_passed_values_are_taken_with_their_types() -> None:
     found = vehicle(
         {
             "home_pose": [1, 2.5, -3],
@@ -137,7 +137,7 @@ NAMES = st.sampled_from([*VehicleSettings.__struct_fields__, "other"])
 
 
 @given(st.dictionaries(NAMES, JSON, max_size=4))
-def test_whatever_is_given_there_are_settings_or_one_error(values: dict[str, Any]) -> None:
+def test_whatever_is_passed_there_are_settings_or_one_error(values: dict[str, Any]) -> None:
     found: VehicleSettings | ConfigError
     try:
         found = convert(values, VehicleSettings, "uav")
@@ -181,7 +181,7 @@ def test_whatever_is_given_there_are_settings_or_one_error(values: dict[str, Any
         ({"quartz": 1}, "quartz", "there is no such setting"),
     ],
 )
-def test_what_is_wrong_is_said_in_words(values: dict[str, Any], key: str, message: str) -> None:
+def test_what_is_wrong_is_reported_in_words(values: dict[str, Any], key: str, message: str) -> None:
     error = refusal(values)
     assert (error.key, error.message) == (key, message)
 
@@ -201,7 +201,7 @@ def test_what_is_wrong_is_said_in_words(values: dict[str, Any], key: str, messag
         ({"limits": {"reach_m": 3}}, "there is no such setting; did you mean reach_m?"),
     ],
 )
-def test_what_is_wrong_is_said_without_the_words_of_programmers(values: dict[str, Any], why: str) -> None:
+def test_what_is_wrong_is_reported_without_the_words_of_programmers(values: dict[str, Any], why: str) -> None:
     assert refusal(values).message == why
 
 

@@ -68,7 +68,7 @@ def test_what_cannot_be_meant_is_refused(value: float) -> None:
     assert message.endswith(f"is out of range ({'at most 7' if value > 0 else 'at least -7'})")
 
 
-def test_a_value_just_out_of_range_is_not_told_as_the_limit() -> None:
+def test_a_value_just_out_of_range_is_not_reported_as_the_limit() -> None:
     with pytest.raises(InvalidArgumentError, match=r"180\.00005 is out of range \(at most 180\)"):
         validation.longitude(180.00005)
     with pytest.raises(InvalidArgumentError, match=r"-90\.00000000000001 is out of range \(at least -90\)"):
@@ -234,7 +234,7 @@ def test_another_type_is_refused(value: Any) -> None:
 
 
 @pytest.mark.parametrize("check", [validation.position, validation.rotation, validation.transform])
-def test_what_is_refused_is_shown_in_one_short_line(check: Callable[[Any, str], object]) -> None:
+def test_what_is_refused_is_shown_in_one_short_message(check: Callable[[Any, str], object]) -> None:
     import numpy as np
 
     assert len(refusal(lambda: check(np.zeros((9, 9)), "t"), "t")) < 400

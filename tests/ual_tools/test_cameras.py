@@ -130,7 +130,7 @@ def test_a_program_that_does_not_read_its_picture_keeps_no_other_one_from_theirs
         assert uav.cameras[0].image().data != seen.data
 
 
-def test_pictures_are_fetched_once_as_files_with_their_places(daemon: DaemonProcess, tmp_path: Path) -> None:
+def test_pictures_are_fetched_once_as_files_with_their_positions(daemon: DaemonProcess, tmp_path: Path) -> None:
     for _ in range(2):
         done(daemon, "camera", "photo")
     directory = tmp_path / "set" / "one"
@@ -176,7 +176,7 @@ def test_a_picture_that_cannot_be_had_keeps_none_after_it_from_being_fetched(
     assert told.exit_code == 1
 
 
-def test_pictures_are_recorded_where_that_is_asked_for(daemon: DaemonProcess, tmp_path: Path) -> None:
+def test_pictures_are_recorded_where_that_is_requested(daemon: DaemonProcess, tmp_path: Path) -> None:
     words = ["--json", "--address", daemon.address, "record", "--directory", str(tmp_path), "--pictures"]
     command = [sys.executable, "-c", "from ual_tools.main import main; main()", *words]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:

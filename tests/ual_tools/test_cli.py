@@ -237,7 +237,7 @@ def test_help_needs_no_grpc() -> None:
     ],
     ids=" ".join,
 )
-def test_wrong_usage_is_told_with_status_2(words: list[str]) -> None:
+def test_wrong_usage_is_reported_with_status_2(words: list[str]) -> None:
     result = run(*words)
     assert result.exit_code == 2
     assert result.stdout == ""
@@ -276,7 +276,7 @@ def test_faults_checks_and_states_are_completed(daemon: DaemonProcess) -> None:
 
 
 @pytest.mark.parametrize("words", [["--address", "nonsense"], ["--address", "127.0.0.1:1"], ["--ns", "uav_4"]])
-def test_without_a_daemon_nothing_is_completed_and_nothing_said(
+def test_without_a_daemon_nothing_is_completed_and_nothing_reported(
     words: list[str], capfd: pytest.CaptureFixture[str]
 ) -> None:
     assert completed(*words, "goto", "--frame", "") == []
@@ -307,7 +307,7 @@ def test_namespaces_are_completed(daemon: DaemonProcess) -> None:
 # --- Without a daemon -------------------------------------------------------------------------------------------------
 
 
-def test_without_a_daemon_the_reason_is_one_line() -> None:
+def test_without_a_daemon_the_reason_is_one_message() -> None:
     result = run("--ns", "uav_4", "takeoff", "3")
     assert result.exit_code == 1
     assert result.stdout == ""
@@ -439,7 +439,7 @@ def test_watch_goes_on_in_a_pipe_until_it_is_interrupted(daemon: DaemonProcess) 
     assert samples[0]["sequence"] < samples[1]["sequence"] < samples[2]["sequence"]
 
 
-def test_watch_tells_one_that_does_not_answer_beside_the_others(start_daemon: StartDaemon) -> None:
+def test_watch_tells_one_that_does_not_answer_next_to_the_others(start_daemon: StartDaemon) -> None:
     start_daemon(ns="uav_2").wait_for("listening")
     Registration("uav_1", os.getpid(), "127.0.0.1:1", "light", 1.5).write()
     result = run("--json", "watch", "--all", "--once")
@@ -526,7 +526,7 @@ def test_the_flight_of_the_issue(start_daemon: StartDaemon, tmp_path: Path) -> N
     done(*us, "disarm")
 
 
-def test_a_geographic_waypoint_is_flown_to(flying: DaemonProcess) -> None:
+def test_a_geographic_waypoint_is_approached(flying: DaemonProcess) -> None:
     del flying
     (sample,) = done_json("watch", "--once")
     here = sample["position_geo"]
@@ -618,7 +618,7 @@ def test_dry_runs_say_what_would_happen(daemon: DaemonProcess) -> None:
         assert uav.pose().pose.position.x == pytest.approx(0.0, abs=0.2)
 
 
-def test_a_waypoint_file_is_flown_dry(flying: DaemonProcess, tmp_path: Path) -> None:
+def test_a_waypoint_file_is_executed_dry(flying: DaemonProcess, tmp_path: Path) -> None:
     del flying
     file = tmp_path / "waypoints"
     file.write_text("3,0,3\n3,4,3\n")
@@ -668,7 +668,7 @@ def test_a_task_is_paused_and_resumed(flying: DaemonProcess) -> None:
     assert flying.process.poll() is None
 
 
-def test_holds_are_flown(flying: DaemonProcess, tmp_path: Path) -> None:
+def test_holds_are_executed(flying: DaemonProcess, tmp_path: Path) -> None:
     del flying
     file = tmp_path / "waypoints"
     file.write_text('{"x": 1, "y": 0, "z": 3, "hold_s": 30}\n0,0,3\n')
@@ -709,7 +709,7 @@ def test_what_takes_too_long_is_cancelled(flying: DaemonProcess) -> None:
     ],
     ids=" ".join,
 )
-def test_an_infinite_angle_is_one_line(daemon: DaemonProcess, words: list[str]) -> None:
+def test_an_infinite_angle_is_one_message(daemon: DaemonProcess, words: list[str]) -> None:
     del daemon
     result = run(*words)
     assert (result.exit_code, result.stdout) == (1, "")
@@ -806,7 +806,7 @@ def test_not_a_number_is_refused_by_the_daemon(flying: DaemonProcess) -> None:
     assert result.stderr.startswith("ual: INVALID_ARGUMENT: waypoint.pose.position.x")
 
 
-def test_a_plan_of_qgroundcontrol_is_flown_and_drawn(flying: DaemonProcess, tmp_path: Path) -> None:
+def test_a_plan_of_qgroundcontrol_is_executed_and_drawn(flying: DaemonProcess, tmp_path: Path) -> None:
     del flying
     (sample,) = done_json("watch", "--once")
     here = sample["position_geo"]
@@ -829,7 +829,7 @@ def north_of(latitude_deg: float, metres: float) -> float:
     return latitude_deg + math.degrees(metres / 6.37e6)
 
 
-def test_a_plan_with_a_jump_and_a_delay_is_flown_as_it_says(flying: DaemonProcess, tmp_path: Path) -> None:
+def test_a_plan_with_a_jump_and_a_delay_is_executed_as_it_says(flying: DaemonProcess, tmp_path: Path) -> None:
     del flying
     (sample,) = done_json("watch", "--once")
     latitude_deg, longitude_deg = sample["position_geo"]["latitude_deg"], sample["position_geo"]["longitude_deg"]
@@ -848,7 +848,9 @@ def test_a_plan_with_a_jump_and_a_delay_is_flown_as_it_says(flying: DaemonProces
         assert uav.pose().pose.position.y == pytest.approx(2.0, abs=0.3)
 
 
-def test_a_gpx_is_flown_once_it_is_said_what_its_altitudes_count_from(flying: DaemonProcess, tmp_path: Path) -> None:
+def test_a_gpx_is_executed_once_it_is_reported_what_its_altitudes_count_from(
+    flying: DaemonProcess, tmp_path: Path
+) -> None:
     del flying
     (sample,) = done_json("watch", "--once")
     here = sample["position_geo"]
@@ -880,7 +882,7 @@ def test_a_picture_that_cannot_be_drawn_is_refused_before_anything_moves(flying:
         assert uav.pose().pose.position.x == pytest.approx(0.0, abs=0.2)
 
 
-def test_a_waypoint_file_with_a_mistake_names_the_line(tmp_path: Path) -> None:
+def test_a_waypoint_file_with_a_mistake_names_the_row(tmp_path: Path) -> None:
     file = tmp_path / "waypoints.jsonl"
     file.write_text('{"x": 1, "y": 2, "z": 3}\n{"x": 1}\n')
     result = run("waypoints", "fly", file)
@@ -968,7 +970,7 @@ def test_watch_does_not_show_a_dead_uav_as_alive(start_daemon: StartDaemon) -> N
         assert terminal.wait() == 130
 
 
-def test_watch_shows_the_others_beside_one_that_does_not_answer(start_daemon: StartDaemon) -> None:
+def test_watch_shows_the_others_next_to_one_that_does_not_answer(start_daemon: StartDaemon) -> None:
     start_daemon(ns="uav_2").wait_for("listening")
     Registration("uav_1", os.getpid(), "127.0.0.1:1", "light", 1.5).write()
     with Terminal("watch", "--all") as terminal:
@@ -1041,7 +1043,7 @@ def test_the_parts_of_a_simulation_are_listed_and_the_uav_is_placed(daemon: Daem
     assert sample["pose"]["position"] == {"x": 5.0, "y": -2.0, "z": 0.0}
 
 
-def test_poses_of_a_file_are_given_as_poses_from_outside(daemon: DaemonProcess, tmp_path: Path) -> None:
+def test_poses_of_a_file_are_passed_as_poses_from_outside(daemon: DaemonProcess, tmp_path: Path) -> None:
     del daemon
     file = tmp_path / "poses.csv"
     file.write_text("# x,y,z,yaw\n1,2,0,90deg\n\n1,2,0,0,0,0,1  # the same, as a quaternion\n")

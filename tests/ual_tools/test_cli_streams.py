@@ -65,7 +65,7 @@ def test_what_was_written_is_there_although_its_name_is_lost(daemon: DaemonProce
 @pytest.mark.parametrize(
     "words", [("state",), ("--json", "state"), ("list",), ("frames",), ("watch", "--once"), ("--help",), ("--version",)]
 )
-def test_what_was_asked_for_and_is_lost_fails_in_one_line(daemon: DaemonProcess, words: tuple[str, ...]) -> None:
+def test_what_was_commanded_for_and_is_lost_fails_in_one_message(daemon: DaemonProcess, words: tuple[str, ...]) -> None:
     del daemon
     lost = run("full", *words)
     assert lost.returncode == 1
@@ -81,7 +81,7 @@ def test_without_an_output_a_command_works(daemon: DaemonProcess, words: tuple[s
 
 @needs_full_device
 @pytest.mark.parametrize("flag", ["--help", "--version", "--print-config"])
-def test_what_the_daemon_prints_and_is_lost_fails_in_one_line(flag: str) -> None:
+def test_what_the_daemon_prints_and_is_lost_fails_in_one_message(flag: str) -> None:
     lost = run("full", flag, program="from ual_daemon.program.entry import main; main()")
     assert lost.returncode == 1
     assert lost.stderr.splitlines() == ["ual-daemon: the output cannot be printed: No space left on device"]
@@ -103,7 +103,7 @@ def test_several_go_on_where_the_output_of_one_is_lost(daemon: DaemonProcess) ->
     assert (lost.returncode, lost.stderr) == (0, "")
 
 
-def test_a_sign_that_the_output_has_not_got_is_written_in_another_way(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_sign_that_the_output_has_not_got_is_written_differently(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTHONIOENCODING", "cp437")  # as a pipe of Windows
     command = [sys.executable, "-c", UAL, "view", "--help"]
     done = subprocess.run(command, capture_output=True, timeout=LIMIT_S, check=False)

@@ -40,7 +40,7 @@ def test_a_battery_is_low_and_critical_in_words(battery: Battery | None, level: 
     assert how.note == ""
 
 
-def test_of_several_batteries_each_is_told() -> None:
+def test_of_several_batteries_each_is_reported() -> None:
     full, low = Battery(90.0, id=0, function="all"), Battery(20.0, id=1)
     one = dataclasses.replace(FLYING, battery=full, batteries=(full,))
     assert condition.batteries_text(one) == "90 %"

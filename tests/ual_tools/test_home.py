@@ -23,7 +23,7 @@ def home(address: str) -> Result:
     return result
 
 
-def test_home_is_told_as_saved_only_where_it_is(start_daemon: StartDaemon, runtime_dir: Path) -> None:
+def test_home_is_reported_as_saved_only_where_it_is(start_daemon: StartDaemon, runtime_dir: Path) -> None:
     vehicle = vehicle_of("px4")
     with flying(vehicle.autopilot):
         daemon = start_daemon("--url", vehicle.url, backend="mavlink")

@@ -260,7 +260,7 @@ def test_two_signals_at_once_are_one_ctrl_c() -> None:
     assert counted == [1, 2, 3]
 
 
-def test_who_presses_ctrl_c_again_and_again_is_heard() -> None:
+def test_who_presses_ctrl_c_again_and_again_is_received() -> None:
     counted: list[int] = []
     times = iter([5.0, 5.2, 5.4, 5.6, 5.8])
     presses = Presses(counted.append, lambda: next(times))
@@ -358,14 +358,14 @@ def test_the_reason_by_which_a_flight_is_not_ours_is_the_daemons() -> None:
         assert SENDS_NOTHING in reason
 
 
-class Heard(TeamLog):
+class ReceivedMessage(TeamLog):
     """The lines of a log."""
 
     def __init__(self) -> None:
         super().__init__(["sh"])
         self.lines: list[str] = []
 
-    def line(self, name: str, text: str) -> None:
+    def row(self, name: str, text: str) -> None:
         self.lines.append(f"{name}: {text}")
 
     def note(self, text: str, *, is_bad: bool = False) -> None:
@@ -377,12 +377,12 @@ class Heard(TeamLog):
 
 
 def supervised(
-    script: str, work: Callable[[Supervisor, Heard], Coroutine[Any, Any, None]], **changes: Any
+    script: str, work: Callable[[Supervisor, ReceivedMessage], Coroutine[Any, Any, None]], **changes: Any
 ) -> tuple[Supervisor, list[str]]:
     """A program that is run until `work` has stopped it, or it has ended for good, and the log."""
 
     async def run() -> tuple[Supervisor, list[str]]:
-        log = Heard()
+        log = ReceivedMessage()
         program = Program(name="sh", **{"argv": ("sh", "-c", script), "cwd": Path("/"), **changes})
         supervisor = Supervisor(program, log)
         await asyncio.wait_for(asyncio.gather(supervisor.run(), work(supervisor, log)), LIMIT_S)
@@ -391,11 +391,11 @@ def supervised(
     return asyncio.run(run())
 
 
-async def nothing(_: Supervisor, __: Heard) -> None:
+async def nothing(_: Supervisor, __: ReceivedMessage) -> None:
     pass
 
 
-async def stop(supervisor: Supervisor, log: Heard) -> None:
+async def stop(supervisor: Supervisor, log: ReceivedMessage) -> None:
     await log.until("sh: ready")
     await supervisor.stop()
 
@@ -405,7 +405,7 @@ def test_a_program_is_ready_when_its_port_is_open() -> None:
         bound.bind(("127.0.0.1", 0))  # nobody else gets it, and nobody can connect yet
         address = f"127.0.0.1:{bound.getsockname()[1]}"
 
-        async def listen_then_stop(supervisor: Supervisor, log: Heard) -> None:
+        async def listen_then_stop(supervisor: Supervisor, log: ReceivedMessage) -> None:
             await log.until("sh: up")
             assert not supervisor.ready.is_set()
             bound.listen()
@@ -421,12 +421,12 @@ def test_a_program_that_is_not_ready_in_time_is_ended() -> None:
     assert not supervisor.ready.is_set()
 
 
-def test_a_program_that_cannot_be_found_is_said() -> None:
+def test_a_program_that_cannot_be_found_is_reported() -> None:
     supervisor, _ = supervised("", nothing, argv=("no-such-program",))
     assert "No such file" in supervisor.failure
 
 
-def test_a_program_that_dies_again_and_again_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_program_that_dies_again_and_again_is_abandoned(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ual_tools.launch.supervisor._PAUSES_S", (0.0, 0.01))
     supervisor, lines = supervised(
         "echo up; exit 4", nothing, ready=Ready(ReadyCondition.LOG, "up"), restart=Restart.ON_FAILURE
@@ -437,7 +437,7 @@ def test_a_program_that_dies_again_and_again_is_given_up(monkeypatch: pytest.Mon
 
 
 @pytest.mark.parametrize(("restart", "count"), [(Restart.NO, 1), (Restart.ON_FAILURE, 1), (Restart.ALWAYS, 3)])
-def test_an_end_that_is_well_is_followed_by_a_start_only_where_that_is_said(
+def test_an_end_that_is_well_is_followed_by_a_start_only_where_that_is_reported(
     monkeypatch: pytest.MonkeyPatch, restart: Restart, count: int
 ) -> None:
     monkeypatch.setattr("ual_tools.launch.supervisor._PAUSES_S", (0.0, 0.01))
@@ -473,7 +473,7 @@ def test_its_output_can_go_into_a_file(tmp_path: Path) -> None:
     assert "sh: up" not in lines
 
 
-def test_lines_come_without_what_a_terminal_obeys(capsys: pytest.CaptureFixture[str]) -> None:
+def test_rows_come_without_what_a_terminal_obeys(capsys: pytest.CaptureFixture[str]) -> None:
     with TeamLog(["px4"]) as log:
         log.write("px4", "\x1b[31mred\x1b[0m \x1b]0;title\x07 \x1b[2J end\r")
     assert capsys.readouterr().out == "px4    red   end\n"

@@ -165,7 +165,7 @@ def test_a_file_is_a_team(file: Path) -> None:
         ("uavs:", "uavs: []\nunused:", "9: unused: there is no such key"),
     ],
 )
-def test_what_is_wrong_is_named_with_its_line(file: Path, old: str, new: str, message: str) -> None:
+def test_what_is_wrong_is_named_with_its_row(file: Path, old: str, new: str, message: str) -> None:
     assert old in SURVEY
     file.write_text(SURVEY.replace(old, new, 1))
     result = run("--print", str(file))
@@ -182,7 +182,7 @@ def test_what_is_wrong_is_named_with_its_line(file: Path, old: str, new: str, me
         ("daemons: []", "1: daemons: there is no such key. There are name, at_end, land_limit_s, image, before, uavs,"),
     ],
 )
-def test_what_is_expected_in_place_of_another_form_is_named(file: Path, text: str, message: str) -> None:
+def test_what_is_expected_instead_of_another_form_is_named(file: Path, text: str, message: str) -> None:
     file.write_text(text)
     assert f"{file}:{message}" in run("--print", str(file)).stderr
 
@@ -231,7 +231,7 @@ def test_nothing_else_is_a_placeholder(text: str) -> None:
         fill(text, {"index": "3"})
 
 
-def test_print_shows_the_command_lines(file: Path) -> None:
+def test_print_shows_the_command_rows(file: Path) -> None:
     result = run("--print", str(file))
     assert result.exit_code == 0, result.output
     where = f"cd {file.parent} && "
@@ -387,7 +387,7 @@ def test_daemons_and_the_command_have_an_image_of_their_own(file: Path, tmp_path
         (("image: ual:1\n", ""), "--compose", "world: a compose file needs its image"),
     ],
 )
-def test_what_cannot_be_written_is_said(
+def test_what_cannot_be_written_is_reported(
     file: Path, tmp_path: Path, change: tuple[str, str], option: str, why: str
 ) -> None:
     file.write_text(SURVEY.replace(*change))

@@ -186,7 +186,7 @@ def test_both_clients_have_the_same_pieces_and_errors(daemon: DaemonProcess) -> 
         assert (last.data, last.sha256) == (b"", hashlib.sha256(b"").hexdigest())
 
 
-def test_one_download_at_a_time_and_the_next_once_it_was_given_up(daemon: DaemonProcess) -> None:
+def test_one_download_at_a_time_and_the_next_once_it_was_abandoned(daemon: DaemonProcess) -> None:
     with ual.Uav(address=daemon.address) as uav:
         log = uav.logs.get_all()[-1]
         first = uav.logs.download(log.id)

@@ -42,15 +42,15 @@ def stand(uav: ual.Uav) -> None:
     until(lambda: uav.info().autopilot_version != "", "its version")
 
 
-def place(vehicle: Vehicle, north_m: float, east_m: float) -> tuple[float, float]:
+def current_position(vehicle: Vehicle, north_m: float, east_m: float) -> tuple[float, float]:
     latitude, longitude, _ = vehicle.autopilot.geo((north_m, east_m, 0.0))
     return latitude / 1e7, longitude / 1e7
 
 
 def far(vehicle: Vehicle) -> list[Item]:
     """A mission that takes longer than a test."""
-    here = place(vehicle, 0.0, 0.0)
-    way = Waypoint(*place(vehicle, 60.0, 0.0), 3.0)
+    here = current_position(vehicle, 0.0, 0.0)
+    way = Waypoint(*current_position(vehicle, 60.0, 0.0), 3.0)
     return [TakeOff(3.0, AltitudeReference.HOME, *here), way, Land(*here)]
 
 
@@ -179,7 +179,7 @@ def test_a_daemon_that_only_watches_reads_and_does_not_upload(vehicle: Vehicle, 
 
 
 def test_what_was_not_uploaded_here_is_not_started(daemon: DaemonProcess, vehicle: Vehicle) -> None:
-    aside = [TakeOff(3.0, AltitudeReference.HOME, *place(vehicle, 20.0, 0.0)), *far(vehicle)[1:]]
+    aside = [TakeOff(3.0, AltitudeReference.HOME, *current_position(vehicle, 20.0, 0.0)), *far(vehicle)[1:]]
     with ual.Uav(address=daemon.address) as uav:
         assert vehicle.autopilot.pilot_arm()
         until_state(uav, State.LANDED_ARMED)

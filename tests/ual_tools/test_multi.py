@@ -49,7 +49,7 @@ def states() -> list[State]:
         return list(team.state().values())
 
 
-def test_all_fly_and_each_has_a_line(fleet: DaemonProcess) -> None:
+def test_all_fly_and_each_has_a_row(fleet: DaemonProcess) -> None:
     del fleet
     result = run("--all", "takeoff", "3")
     assert result.exit_code == 0, result.output
@@ -185,7 +185,7 @@ def test_several_at_one_address_are_those_of_a_gateway_and_never_another(fleet: 
     assert lines.stdout.count("LANDED_ARMED") == 1
 
 
-def test_no_daemon_is_said(start_daemon: StartDaemon) -> None:
+def test_no_daemon_is_reported(start_daemon: StartDaemon) -> None:
     del start_daemon
     result = run("--all", "land")
     assert result.exit_code == 1
@@ -225,7 +225,7 @@ def test_a_time_of_the_day_that_has_passed_is_refused_with_that_of_the_next_day(
     assert datetime.fromisoformat(following) == passed.replace(microsecond=0) + timedelta(days=1)
 
 
-def test_a_long_wait_is_told_and_again_when_half_of_it_has_passed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_long_wait_is_reported_and_again_when_half_of_it_has_passed(monkeypatch: pytest.MonkeyPatch) -> None:
     clock_s = [0.0]
     told: list[str] = []
     monkeypatch.setattr(start, "time", SimpleNamespace(time=lambda: clock_s[0]))

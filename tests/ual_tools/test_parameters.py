@@ -159,7 +159,7 @@ def test_what_other_components_have_is_not_written_and_is_counted_and_named(
     assert done(daemon, "param", "load", file) == f"0 of 0 parameters that differed were written; {left_out}\n"
 
 
-def test_a_line_of_which_a_part_would_be_ignored_is_refused_and_nothing_is_written(
+def test_a_row_of_which_a_part_would_be_ignored_is_refused_and_nothing_is_written(
     daemon: DaemonProcess, vehicle: Vehicle, tmp_path: Path
 ) -> None:
     file = tmp_path / "comma.param"
@@ -235,7 +235,7 @@ def test_where_the_link_is_lost_all_that_was_not_written_is_named(
     assert "MPC_XY_CRUISE, EKF2_EV_CTRL" in loaded.output
 
 
-def test_what_cannot_be_loaded_is_told_and_the_rest_is_written(
+def test_what_cannot_be_loaded_is_reported_and_the_rest_is_written(
     daemon: DaemonProcess, vehicle: Vehicle, tmp_path: Path
 ) -> None:
     file = tmp_path / "mine.param"

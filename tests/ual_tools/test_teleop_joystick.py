@@ -161,7 +161,7 @@ def test_headless_is_along_east_and_north_and_the_next_uav_is_chosen(bench: Benc
     assert bench.pilot.vehicle is bench.vehicles[1]
 
 
-def test_a_light_uav_is_flown_and_stands_after_the_cable_was_pulled(
+def test_a_light_uav_is_executed_and_stands_after_the_cable_was_pulled(
     daemon: DaemonProcess, joysticks: Joysticks
 ) -> None:
     with virtual_devices() as connect, ual.Uav(daemon.ns) as uav:

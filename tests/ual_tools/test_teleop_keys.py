@@ -86,7 +86,7 @@ def test_any_keys_stay_within_the_deflection_and_have_no_jump_away_from_the_cent
 
 
 @given(st.lists(st.floats(0.0, 3.0), min_size=1, max_size=5), st.floats(0.01, 0.2))
-def test_how_often_it_is_asked_does_not_matter(presses: list[float], tick_s: float) -> None:
+def test_how_often_it_is_queried_does_not_matter(presses: list[float], tick_s: float) -> None:
     often, once = SmoothedAxis(), SmoothedAxis()
     for pressed_s in sorted(presses):
         for axis in (often, once):

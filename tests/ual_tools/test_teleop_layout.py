@@ -125,7 +125,7 @@ def test_a_file_says_only_what_is_different(tmp_path: Path) -> None:
         ("button: a", "1: button: there is no such key"),
     ],
 )
-def test_a_wrong_file_is_refused_with_its_line(text: str, why: str, tmp_path: Path) -> None:
+def test_a_wrong_file_is_refused_with_its_row(text: str, why: str, tmp_path: Path) -> None:
     file = tmp_path / "joystick.yaml"
     file.write_text(text, encoding="utf-8")
     with pytest.raises(YamlFileError) as caught:

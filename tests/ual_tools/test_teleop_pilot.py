@@ -249,7 +249,7 @@ def test_a_stick_that_is_held_makes_steps(posing: Flight) -> None:
     assert posing.twists() == []
 
 
-def test_the_end_stops_a_step_that_is_being_flown(posing: Flight) -> None:
+def test_the_end_stops_a_step_that_is_being_executed(posing: Flight) -> None:
     posing.pilot.step(FORWARD)
     assert posing.pilot.stop() == "uav_1 stops and holds its position"
     posing.now_s += 10.0

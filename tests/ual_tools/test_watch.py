@@ -38,7 +38,7 @@ FLYING = Telemetry(
 )
 
 
-def seen(count: int, telemetry: Telemetry = FLYING) -> dict[str, WatchedUav]:
+def observed(count: int, telemetry: Telemetry = FLYING) -> dict[str, WatchedUav]:
     return {f"uav_{number}": WatchedUav(NOW_S, telemetry) for number in range(1, count + 1)}
 
 
@@ -54,8 +54,8 @@ def table(found: dict[str, WatchedUav], width: int = 80, height: int = 24, top: 
 @pytest.mark.parametrize("count", [1, 12, 200])
 def test_the_table_fits_any_terminal(width: int, height: int, count: int) -> None:
     for found in (
-        seen(count),
-        seen(count, Telemetry(State.UNINITIALIZED, "no data " * 50)),
+        observed(count),
+        observed(count, Telemetry(State.UNINITIALIZED, "no data " * 50)),
         {"x" * 60: WatchedUav(NOW_S)},
     ):
         lines = table(found, width, height)
@@ -66,15 +66,15 @@ def test_the_table_fits_any_terminal(width: int, height: int, count: int) -> Non
 
 
 def test_twelve_uavs_fit_an_ordinary_terminal() -> None:
-    text = "\n".join(table(seen(12)))
+    text = "\n".join(table(observed(12)))
     for number in range(1, 13):
         assert f"uav_{number} " in text
     assert "12 UAVs" in text
     assert "q quits" in text
 
 
-def test_a_line_shows_what_there_is_room_for() -> None:
-    narrow, ordinary, wide, widest = (table(seen(1), width)[3] for width in (40, 80, 120, 160))
+def test_a_row_shows_what_there_is_room_for() -> None:
+    narrow, ordinary, wide, widest = (table(observed(1), width)[3] for width in (40, 80, 120, 160))
     assert narrow == "uav_1  FLYING_AUTO      87 %"
     assert ordinary == "uav_1  FLYING_AUTO      87 %           -1000.0 2000.0  121.9   5.0  goes to 4 2…"
     assert wide == "uav_1  FLYING_AUTO      87 %           -1000.0 2000.0  121.9   5.0  goes to 4 2 3, 12.3 m left"
@@ -82,15 +82,15 @@ def test_a_line_shows_what_there_is_room_for() -> None:
         "uav_1  FLYING_AUTO      87 %           -1000.0 2000.0  121.9   5.0  GUIDED        armed  "
         "goes to 4 2 3, 12.3 m left"
     )
-    assert "x y z (m) in map" in table(seen(1), 100)[2]
+    assert "x y z (m) in map" in table(observed(1), 100)[2]
 
 
-def test_where_it_is_in_map_is_not_known_is_not_told_in_another_frame() -> None:
-    assert "-1234.6" not in table(seen(1, replace(FLYING, transform=None)))[3]
+def test_where_it_is_in_map_is_not_known_is_not_reported_in_another_frame() -> None:
+    assert "-1234.6" not in table(observed(1, replace(FLYING, transform=None)))[3]
 
 
 def test_200_uavs_are_reached_by_scrolling() -> None:
-    found = seen(200)
+    found = observed(200)
     assert "1-21 of 200 UAVs" in table(found)[0]
     assert table(found)[1] == "200 FLYING_AUTO"
     top = 0
@@ -104,7 +104,7 @@ def test_200_uavs_are_reached_by_scrolling() -> None:
 
 
 def test_the_worst_of_200_are_on_the_first_page_in_words_and_colour() -> None:
-    found = seen(200)
+    found = observed(200)
     found["uav_150"] = WatchedUav(NOW_S - 7.0, FLYING)
     found["uav_170"] = WatchedUav(NOW_S, replace(FLYING, battery=Battery(23.0, 14.2)))
     found["uav_80"] = WatchedUav(NOW_S, replace(FLYING, battery=Battery(9.0, 13.9)))
@@ -164,7 +164,7 @@ def test_what_is_not_the_present_is_never_shown_as_it() -> None:
 
 @pytest.mark.parametrize(("width", "height"), [(80, 24), (40, 24), (200, 50)])
 @pytest.mark.parametrize("picture", [watch_screen.FleetTable(), watch_screen.Detail()], ids=["table", "detail"])
-def test_rich_draws_the_lines_as_they_are(width: int, height: int, picture: watch_screen.ScreenPicture) -> None:
+def test_rich_draws_the_rows_as_they_are(width: int, height: int, picture: watch_screen.ScreenPicture) -> None:
     board = Board(["uav_[bold]1"], 5.0)
     board.put("uav_[bold]1", FLYING)
     picture.press([Key.DOWN], 1, height)
@@ -210,7 +210,7 @@ def test_without_a_terminal_there_are_no_keys(monkeypatch: pytest.MonkeyPatch) -
 # --- UAVs that come and go --------------------------------------------------------------------------------------------
 
 
-def test_daemons_that_are_known_stay_where_they_cannot_be_looked_for() -> None:
+def test_daemons_that_are_known_stay_where_they_cannot_be_sought() -> None:
     said: list[str] = []
     answers: list[list[Registration] | OSError] = [OSError(24, "Too many open files")] * 2
 
@@ -261,7 +261,7 @@ def test_daemons_appear_and_vanish(start_daemon: StartDaemon, monkeypatch: pytes
 
 
 @pytest.mark.parametrize(("count", "rate_hz"), [(1, 5.0), (40, 5.0), (200, 1.0)])
-def test_many_uavs_are_asked_less_often(count: int, rate_hz: float) -> None:
+def test_many_uavs_are_queried_less_often(count: int, rate_hz: float) -> None:
     assert default_rate_hz(count) == rate_hz
 
 

@@ -29,7 +29,7 @@ CONCAVE = ((-1.5, -1.5), (40.0, -1.5), (40.0, 30.0), (1.5, 30.0), (1.5, 1.5), (-
 """A configured fence, which cannot have holes: a corner of it points inwards, 2 m from where the UAV flies."""
 
 
-class Place(NamedTuple):
+class TestPosition(NamedTuple):
     """Position of the flight, and its bounds."""
 
     height_m: float
@@ -38,15 +38,15 @@ class Place(NamedTuple):
     """Whether the autopilot's own fence has holes around it."""
 
 
-CORNER = Place(0.8, VehicleSettings(geofence=GeofenceSettings(polygon=CONCAVE)))
+CORNER = TestPosition(0.8, VehicleSettings(geofence=GeofenceSettings(polygon=CONCAVE)))
 
 
-def free() -> Place:
+def free() -> TestPosition:
     """Returns a place with room on all sides."""
-    return Place(8.0, VehicleSettings())
+    return TestPosition(8.0, VehicleSettings())
 
 
-def narrow(name: str) -> Place:
+def narrow(name: str) -> TestPosition:
     """Returns the narrowest place for a backend: low, and between holes where its autopilot's fence can have some."""
     return CORNER._replace(has_holes=name.startswith("mavlink"))
 
@@ -70,23 +70,23 @@ def _autopilot(kind: type[Px4 | ArduPilot], has_holes: bool) -> tuple[Autopilot,
 
 
 @contextmanager
-def _mavlink(kind: type[Px4 | ArduPilot], place: Place) -> Iterator[Backend]:
+def _mavlink(kind: type[Px4 | ArduPilot], place: TestPosition) -> Iterator[Backend]:
     autopilot, port = _autopilot(kind, place.has_holes)
     yield LockstepBackend(OPTIONS, autopilot, port)
 
 
 @contextmanager
-def _mavros(place: Place) -> Iterator[Backend]:
+def _mavros(place: TestPosition) -> Iterator[Backend]:
     yield LockstepMavros(OPTIONS, *_autopilot(Px4, place.has_holes), ros=2)
 
 
 @contextmanager
-def _simple(kind: Callable[[BackendOptions], Backend], _: Place) -> Iterator[Backend]:
+def _simple(kind: Callable[[BackendOptions], Backend], _: TestPosition) -> Iterator[Backend]:
     yield kind(BackendOptions("uav_1"))
 
 
 @contextmanager
-def _airsim(_: Place) -> Iterator[Backend]:
+def _airsim(_: TestPosition) -> Iterator[Backend]:
     from ual_daemon.backends.registry import make
 
     with AirsimServer([Vehicle("Drone1")], clock_speed=6.0) as server:
@@ -94,13 +94,13 @@ def _airsim(_: Place) -> Iterator[Backend]:
 
 
 @contextmanager
-def _light(_: Place) -> Iterator[Backend]:
+def _light(_: TestPosition) -> Iterator[Backend]:
     from ual_daemon.backends.light import LightBackend
 
     yield LightBackend(BackendOptions("uav_1", settings={"speed_factor": 6.0}))
 
 
-BACKENDS: dict[str, Callable[[Place], AbstractContextManager[Backend]]] = {
+BACKENDS: dict[str, Callable[[TestPosition], AbstractContextManager[Backend]]] = {
     "light": _light,
     "mavlink-px4": partial(_mavlink, Px4),
     "mavlink-ardupilot": partial(_mavlink, ArduPilot),
@@ -113,7 +113,7 @@ BACKENDS: dict[str, Callable[[Place], AbstractContextManager[Backend]]] = {
 
 
 @contextmanager
-def flying(name: str, place: Place) -> Iterator[UAL]:
+def flying(name: str, place: TestPosition) -> Iterator[UAL]:
     """A UAV in the air at a place."""
     with ExitStack() as stack:
         backend = stack.enter_context(BACKENDS[name](place))

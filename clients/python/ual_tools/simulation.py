@@ -127,7 +127,7 @@ def wind(session: CommandSession, x: float, y: float, z: float) -> None:
     "--yaw", type=values.heading, default="0", help="Its heading, counter-clockwise from east: 90deg or 1.57."
 )
 @pass_session
-def place_command(session: CommandSession, x: float, y: float, z: float, yaw: float) -> None:
+def put_on_ground(session: CommandSession, x: float, y: float, z: float, yaw: float) -> None:
     """Put the UAV on the ground at X Y Z, disarmed and at rest.
 
     X, Y and Z are metres east, north and up from where <ns>/odom began.

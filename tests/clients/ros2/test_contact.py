@@ -31,7 +31,7 @@ class Daemon:
             await asyncio.get_running_loop().create_future()
 
 
-def test_a_daemon_that_is_heard_is_not_asked() -> None:
+def test_a_daemon_that_is_received_is_not_queried() -> None:
     async def run() -> None:
         daemon = Daemon()
         contact = DaemonContact(daemon.ask, 30.0, lambda: daemon.now_s)
@@ -46,7 +46,7 @@ def test_a_daemon_that_is_heard_is_not_asked() -> None:
     asyncio.run(run())
 
 
-def test_a_quiet_daemon_is_asked_and_only_one_that_answers_gets_what_moves() -> None:
+def test_a_quiet_daemon_is_queried_and_only_one_that_answers_gets_what_moves() -> None:
     async def run() -> None:
         daemon = Daemon()
         contact = DaemonContact(daemon.ask, 30.0, lambda: daemon.now_s)
@@ -116,7 +116,7 @@ def test_a_cancel_that_comes_with_the_answer_is_not_lost() -> None:
         ([""], "", 1),
     ],
 )
-def test_a_cancel_is_told_once_the_task_runs_no_more(running: list[str], own_id: str, asked_count: int) -> None:
+def test_a_cancel_is_reported_once_the_task_runs_no_more(running: list[str], own_id: str, asked_count: int) -> None:
     answers: Iterator[str] = iter(running)
     told: list[str] = []
 

@@ -249,7 +249,7 @@ def test_no_message_is_left_out(of_tests: ModuleType) -> None:
     assert {name_of(value, told) for value in VALUES} == told.keys() - PARTS
 
 
-def test_a_place_on_earth_is_told_with_its_receiver(of_tests: ModuleType) -> None:
+def test_a_position_on_earth_is_reported_with_its_receiver(of_tests: ModuleType) -> None:
     gps = ual.GpsInfo(ual.GpsFix.RTK_FIXED, 20, 0.5, 2.0, 1.0)
     for sample in (
         ual.Telemetry(ual.State.LANDED_ARMED),
@@ -259,7 +259,7 @@ def test_a_place_on_earth_is_told_with_its_receiver(of_tests: ModuleType) -> Non
         assert read == {"position_geo": sample.position_geo, "gps": sample.gps}
 
 
-def test_an_error_of_a_task_is_told_with_its_metadata(of_tests: ModuleType) -> None:
+def test_an_error_of_a_task_is_reported_with_its_metadata(of_tests: ModuleType) -> None:
     error = ual.TaskAbortedError("the pilot flies", {"by": "safety pilot"})
     info = ual.TaskInfo("t", ual.TaskKind.LAND, ual.TaskStatus.ABORTED, error=error)
     read = of_tests.read_task(message("Task", of_node.task_fields(info))).error

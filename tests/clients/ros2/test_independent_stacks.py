@@ -60,7 +60,7 @@ class Network:
         process.terminate()
         process.wait(LIMIT_S)
 
-    def said(self, *command: str, **variables: str) -> str:
+    def status_text(self, *command: str, **variables: str) -> str:
         """Runs a program in the network, and returns what it says."""
         done = subprocess.run(
             [*self._inside, *command], env={**os.environ, **variables}, capture_output=True, text=True, timeout=120.0
@@ -110,7 +110,7 @@ def take_off() -> str:
 
 def test_cyclone_dds_hears_the_pose(flying: Network, cyclone: Path) -> None:
     command = (sys.executable, str(HERE / "pose_by_cyclone.py"), "/uav_1/ual/pose", str(DOMAIN))
-    stamp, frame_id, height = flying.said(*command, PYTHONPATH=str(cyclone), CYCLONEDDS_URI=ON_LOOPBACK).split()
+    stamp, frame_id, height = flying.status_text(*command, PYTHONPATH=str(cyclone), CYCLONEDDS_URI=ON_LOOPBACK).split()
     assert abs(int(stamp) - time.time()) < 120.0
     assert frame_id == "uav_1/odom"
     assert float(height) == pytest.approx(0.0, abs=0.1)
@@ -118,7 +118,7 @@ def test_cyclone_dds_hears_the_pose(flying: Network, cyclone: Path) -> None:
 
 def test_ros2_client_in_rust_takes_off_and_hears_why_not(flying: Network, take_off: str) -> None:
     def call() -> str:
-        return flying.said(take_off, "/uav_1/ual", str(DOMAIN), "3")
+        return flying.status_text(take_off, "/uav_1/ual", str(DOMAIN), "3")
 
     until(lambda: call() == "true", limit_s=LIMIT_S)
     assert call().startswith("false WRONG_STATE take_off needs the state LANDED_ARMED, but it is FLYING_AUTO")

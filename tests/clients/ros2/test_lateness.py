@@ -42,7 +42,7 @@ def test_a_setpoint_of_another_time_is_refused(sent_s: float, stamp_s: float, te
     LatenessCheck(False, Clock()).require_setpoint(sent_s, stamp_s)
 
 
-def test_a_stamp_of_another_time_than_the_simulated_one_is_told_so() -> None:
+def test_a_stamp_of_another_time_than_the_simulated_one_learns_it() -> None:
     lateness = LatenessCheck(True, Clock(), lambda: True)
     with pytest.raises(ual.UalTimeoutError, match=r"not the simulated one of this node .* give its"):
         lateness.require_setpoint(NOW_S, NOW_S + 1e9)

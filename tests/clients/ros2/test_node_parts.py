@@ -44,7 +44,7 @@ def topics(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
 # --- Topics -----------------------------------------------------------------------------------------------------------
 
 
-def test_the_state_is_told_when_it_changes_and_again_slowly(topics: Any) -> None:
+def test_the_state_is_reported_when_it_changes_and_again_slowly(topics: Any) -> None:
     node = MagicMock(create_publisher=lambda *_, **__: MagicMock())
     told = topics.Topics(node, "uav_1", MagicMock(), MagicMock())
     published = told._state.publish
@@ -63,7 +63,7 @@ def test_the_state_is_told_when_it_changes_and_again_slowly(topics: Any) -> None
 
 
 @pytest.mark.parametrize(("subscribers_count", "published_count"), [(0, 1), (1, 10)])
-def test_what_is_not_heard_is_not_published_but_for_the_state(
+def test_what_is_not_received_is_not_published_but_for_the_state(
     topics: Any, subscribers_count: int, published_count: int
 ) -> None:
     """The state is kept for those that subscribe later."""
@@ -143,7 +143,7 @@ def test_a_parameter_that_is_set_too_late_or_wrong_is_refused_with_what_to_do() 
     assert settings.refusal({"use_sim_time": True, "qos_overrides./tf": 1}, is_configured=True) == ""
 
 
-def test_a_parameter_that_the_node_does_not_have_is_told_with_the_nearest() -> None:
+def test_a_parameter_that_the_node_does_not_have_is_reported_with_the_nearest() -> None:
     given = ("rate", "ns", "qos_overrides./uav_1/ual/pose.publisher.depth", "colour", "use_sim_time")
     assert settings.unknown(given, {*settings.DEFAULTS, "use_sim_time"}) == [
         "there is no parameter colour",
@@ -172,7 +172,7 @@ def test_credentials_are_those_of_the_parameters_or_of_the_environment(
     assert settings.settings_of(parameters | {"token_file": str(file)}).credentials.token == "of-the-file"
 
 
-def test_a_lease_is_asked_for_by_name_only_where_it_is_wanted(parameters: dict[str, Any]) -> None:
+def test_a_lease_is_requested_by_name_only_where_it_is_wanted(parameters: dict[str, Any]) -> None:
     assert settings.settings_of(parameters).lease_holder is None
     assert settings.settings_of(parameters | {"lease": True}).lease_holder == "ual_ros2"
 
@@ -184,7 +184,7 @@ def link(parent: str, child: str, x: float, yaw_rad: float = 0.0) -> ual.Transfo
     return ual.Transform(ual.Vector3(x, 0.0, 0.0), ual.Quaternion.from_yaw(yaw_rad), parent, child)
 
 
-def test_a_frame_is_given_below_the_nearest_one_that_is_known() -> None:
+def test_a_frame_is_passed_below_the_nearest_one_that_is_known() -> None:
     tf = TfBuffer()
     for each in (link("map", "ship", 10.0), link("ship", "deck", 2.0), link("deck", "pad", 0.5)):
         tf.put(each)
@@ -194,7 +194,7 @@ def test_a_frame_is_given_below_the_nearest_one_that_is_known() -> None:
     assert found.link.translation.x == pytest.approx(2.5)
 
 
-def test_a_frame_that_is_forgotten_is_known_once_it_is_told_again() -> None:
+def test_a_frame_that_is_forgotten_is_known_once_it_is_reported_again() -> None:
     tf = TfBuffer()
     tf.put(link("map", "tower", 5.0))
     for frame_id in ("tower", "tower"):
@@ -206,25 +206,25 @@ def test_a_frame_that_is_forgotten_is_known_once_it_is_told_again() -> None:
     assert found.link.translation.x == 6.0
 
 
-def test_a_transform_that_is_told_again_is_seen_and_one_of_others_is_not() -> None:
+def test_a_transform_that_is_reported_again_is_observed_and_one_of_others_is_not() -> None:
     tf = TfBuffer()
 
-    def told_count() -> int:
+    def reported_count() -> int:
         found = tf.to_known("pad", {"map", "ship"})
         assert found is not None
         return found.told_count
 
     for each in (link("map", "ship", 10.0), link("ship", "deck", 2.0), link("deck", "pad", 0.5)):
         tf.put(each)
-    before = told_count()
+    before = reported_count()
     tf.put(link("map", "ship", 11.0))
     tf.put(link("map", "tower", 1.0))
-    assert told_count() == before
+    assert reported_count() == before
     tf.put(link("ship", "deck", 2.0))
-    assert told_count() == before + 1
+    assert reported_count() == before + 1
 
 
-def test_a_frame_beside_the_known_ones_is_given_below_map() -> None:
+def test_a_frame_next_to_the_known_ones_is_passed_below_map() -> None:
     tf = TfBuffer()
     tf.put(link("earth", "map", 100.0))
     tf.put(link("earth", "ship", 130.0))
@@ -297,7 +297,7 @@ def test_a_setpoint_that_waits_ages_while_the_computer_sleeps(monkeypatch: pytes
     assert asyncio.run(check()) == []
 
 
-def test_of_several_moving_frames_the_oldest_counts_whichever_way_tf_leads() -> None:
+def test_of_several_moving_frames_the_oldest_counts_whichever_path_tf_leads() -> None:
     now_s = 0.0
     tf = TfBuffer(1.0, lambda: now_s)
     tf.put(link("earth", "map", 100.0))
@@ -481,7 +481,7 @@ def test_what_is_out_of_date_is_dropped() -> None:
     asyncio.run(check())
 
 
-def test_a_refusal_is_told_and_the_next_one_is_sent() -> None:
+def test_a_refusal_is_reported_and_the_next_one_is_sent() -> None:
     async def check() -> None:
         refusals: list[tuple[int, str]] = []
 
@@ -500,7 +500,7 @@ def test_a_refusal_is_told_and_the_next_one_is_sent() -> None:
     asyncio.run(check())
 
 
-def test_a_mistake_of_the_node_is_told_and_those_that_follow_are_sent() -> None:
+def test_a_mistake_of_the_node_is_reported_and_those_that_follow_are_sent() -> None:
     async def main() -> None:
         sent: list[int] = []
         refusals: list[tuple[int, str]] = []
@@ -552,7 +552,7 @@ def test_a_setpoint_that_waits_while_the_node_is_deactivated_is_not_sent(ends_in
     assert (uav.set_pose.await_count, uav.set_velocity.await_count) == (is_sent, is_sent)
 
 
-def test_a_velocity_that_waited_too_long_for_its_frame_is_not_flown_and_a_pose_is() -> None:
+def test_a_velocity_that_waited_too_long_for_its_frame_is_not_executed_and_a_pose_is() -> None:
     uav: Any = SimpleNamespace(set_pose=AsyncMock(), set_velocity=AsyncMock())
     pose = ual.PoseStamped(ual.Pose.at(1.0, 2.0, 3.0), "deck")
     velocity = ual.TwistStamped(ual.Twist(ual.Vector3(1.0)), "deck")
@@ -602,7 +602,7 @@ def test_how_a_command_ends(begin: Any, ended: CommandOutcome) -> None:
     assert asyncio.run(check()) == ended
 
 
-def test_who_has_cancelled_is_told() -> None:
+def test_who_has_cancelled_is_reported() -> None:
     async def check() -> CommandOutcome:
         run = CommandRun(_for_ever)
         await run_ready()

@@ -30,7 +30,7 @@ def test_a_pose_of_a_path_without_a_frame_is_in_that_of_the_path() -> None:
     assert [each.frame_id for each in read if isinstance(each, ual.PoseStamped)] == ["deck", "tower"]
 
 
-def test_a_path_is_of_poses_or_of_places() -> None:
+def test_a_path_is_of_poses_or_of_positions() -> None:
     assert paths.waypoints(goal(places=(PLACE,))) == [ual.GeoWaypoint(37.0, -6.0, 5.0)]
     with pytest.raises(ual.InvalidArgumentError, match="only one of both"):
         paths.waypoints(goal("", places=(PLACE,)))

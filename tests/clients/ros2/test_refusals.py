@@ -41,48 +41,52 @@ def loop() -> Any:
 
 
 @pytest.fixture
-def told() -> list[tuple[str, str, int]]:
+def reported() -> list[tuple[str, str, int]]:
     return []
 
 
 @pytest.fixture
-def refusals(loop: Any, told: list[tuple[str, str, int]]) -> Refusals:
-    return Refusals(loop, lambda topic, error, count: told.append((topic, error.message, count)))
+def refusals(loop: Any, reported: list[tuple[str, str, int]]) -> Refusals:
+    return Refusals(loop, lambda topic, error, count: reported.append((topic, error.message, count)))
 
 
-def test_the_first_is_told_at_once_and_the_others_together(loop: Loop, told: list[object], refusals: Refusals) -> None:
+def test_the_first_is_reported_at_once_and_the_others_together(
+    loop: Loop, reported: list[object], refusals: Refusals
+) -> None:
     for number in range(5):
         refusals.note("set_pose", ual.GeofenceError(f"far {number}"))
-    assert told == [("set_pose", "far 0", 1)]
+    assert reported == [("set_pose", "far 0", 1)]
     loop.let_pass(AGAIN_S)
-    assert told == [("set_pose", "far 0", 1), ("set_pose", "far 4", 4)]
+    assert reported == [("set_pose", "far 0", 1), ("set_pose", "far 4", 4)]
     loop.let_pass(AGAIN_S)
-    assert len(told) == 2
+    assert len(reported) == 2
     assert loop.is_idle
     refusals.note("set_pose", ual.GeofenceError("far 5"))
-    assert told[2:] == [("set_pose", "far 5", 1)]
+    assert reported[2:] == [("set_pose", "far 5", 1)]
 
 
-def test_each_topic_and_reason_is_told_by_itself(told: list[object], refusals: Refusals) -> None:
+def test_each_topic_and_reason_is_reported_by_itself(reported: list[object], refusals: Refusals) -> None:
     refusals.note("set_pose", ual.GeofenceError("far"))
     refusals.note("set_pose", ual.WrongStateError("landed"))
     refusals.note("set_velocity", ual.GeofenceError("far"))
-    assert told == [("set_pose", "far", 1), ("set_pose", "landed", 1), ("set_velocity", "far", 1)]
+    assert reported == [("set_pose", "far", 1), ("set_pose", "landed", 1), ("set_velocity", "far", 1)]
 
 
-def test_the_counts_are_those_of_all(loop: Loop, told: list[tuple[str, str, int]], refusals: Refusals) -> None:
+def test_the_counts_are_those_of_all(loop: Loop, reported: list[tuple[str, str, int]], refusals: Refusals) -> None:
     for _ in range(100):
         refusals.note("set_pose", ual.GeofenceError("far"))
         loop.let_pass(0.02)
     refusals.end()
-    assert sum(count for _, _, count in told) == 100
-    assert len(told) <= 100 * 0.02 / AGAIN_S + 2
+    assert sum(count for _, _, count in reported) == 100
+    assert len(reported) <= 100 * 0.02 / AGAIN_S + 2
 
 
-def test_the_end_tells_what_was_counted_and_leaves_no_timer(loop: Loop, told: list[object], refusals: Refusals) -> None:
+def test_the_end_tells_what_was_counted_and_leaves_no_timer(
+    loop: Loop, reported: list[object], refusals: Refusals
+) -> None:
     refusals.note("set_pose", ual.GeofenceError("far 0"))
     refusals.note("set_pose", ual.GeofenceError("far 1"))
     refusals.note("cmd_vel", ual.WrongStateError("landed"))
     refusals.end()
-    assert told == [("set_pose", "far 0", 1), ("cmd_vel", "landed", 1), ("set_pose", "far 1", 1)]
+    assert reported == [("set_pose", "far 0", 1), ("cmd_vel", "landed", 1), ("set_pose", "far 1", 1)]
     assert loop.is_idle

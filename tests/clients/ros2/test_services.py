@@ -41,7 +41,7 @@ def test_a_name_that_is_none_is_refused_with_those_that_are() -> None:
             named(GimbalReference, text, "reference")
 
 
-def test_pictures_are_told_once_and_from_anew_where_a_daemon_began_anew() -> None:
+def test_pictures_are_reported_once_and_from_anew_where_a_daemon_began_anew() -> None:
     taken = [Photo(number, float(number)) for number in range(3)]
 
     class FakeCamera:
@@ -57,16 +57,16 @@ def test_pictures_are_told_once_and_from_anew_where_a_daemon_began_anew() -> Non
     async def check() -> list[list[int]]:
         photos, told = cameras.Photos(), []
 
-        async def look() -> None:
+        async def poll_once() -> None:
             told.append([each["number"] for each in await photos.get_new(uav)])
 
         await photos.begin(uav)
-        await look()
+        await poll_once()
         taken.extend([Photo(3, 3.0), Photo(4, 4.0)])
-        await look()
-        await look()
+        await poll_once()
+        await poll_once()
         taken[:] = [Photo(0, 9.0)]
-        await look()
+        await poll_once()
         return told
 
     assert asyncio.run(check()) == [[], [3, 4], [], [0]]
@@ -133,7 +133,7 @@ def test_what_is_uploaded(uploaded: Any, given: Mapping[str, Any], meant: object
     ("given", "text"),
     [({"file": "no plan"}, "file: it is neither a plan"), ({"file": PLAN, "is_configured": True}, "file: give one of")],
 )
-def test_what_is_said_in_two_ways_or_is_no_file_is_refused(uploaded: Any, given: Mapping[str, Any], text: str) -> None:
+def test_what_is_reported_twice_or_is_no_file_is_refused(uploaded: Any, given: Mapping[str, Any], text: str) -> None:
     with pytest.raises(ual.InvalidArgumentError, match=text):
         uploaded(given)
 
@@ -145,7 +145,7 @@ async def _awaited(awaitable: Any) -> Any:
 # --- Missions ---------------------------------------------------------------------------------------------------------
 
 
-def test_an_item_that_is_none_is_named_with_its_place() -> None:
+def test_an_item_that_is_none_is_named_with_its_position() -> None:
     land = SimpleNamespace(kind="LAND", place=SimpleNamespace(latitude=47.0, longitude=8.0), number="")
     given = SimpleNamespace(file="", items=[land, SimpleNamespace(kind="FLIP")])
     with pytest.raises(ual.InvalidArgumentError, match=r"items\[1\].kind: 'FLIP' is none of TAKE_OFF") as refused:
@@ -348,7 +348,7 @@ def test_all_that_comes_is_streamed_and_the_stream_ends_when_no_more_comes() -> 
     assert (streaming.received_count, streaming.not_taken_count, streaming.refusal) == (3, 0, "")
 
 
-def test_what_is_refused_is_counted_and_told() -> None:
+def test_what_is_refused_is_counted_and_reported() -> None:
     receiver = FakeReceiver(ual.ResourceExhaustedError("ual rtcm sends", {"held_by": "ual rtcm"}))
     streaming = asyncio.run(_corrected(receiver, lambda it: put_all(it, [b"a", b"b"])))
     assert (streaming.received_count, streaming.not_taken_count) == (2, 2)
@@ -367,7 +367,7 @@ def test_what_is_refused_is_counted_and_told() -> None:
         (True, ual.DaemonUnreachableError("it has ended"), False, 1),
     ],
 )
-def test_the_simulation_of_a_real_uav_is_not_asked_for(
+def test_the_simulation_of_a_real_uav_is_not_requested(
     is_simulation: bool, refusal: Exception | None, is_offered: bool, asked_count: int
 ) -> None:
     parts = AsyncMock(return_value=frozenset(), side_effect=refusal)

@@ -28,14 +28,14 @@ def test_the_names_are_those_of_the_file(tmp_path: Path) -> None:
     assert team.names(UAL, str(file)) == ["uav_1", "uav_2", "boat"]
 
 
-def test_a_wrong_file_is_told_in_the_words_of_ual(tmp_path: Path) -> None:
+def test_a_wrong_file_is_reported_in_the_words_of_ual(tmp_path: Path) -> None:
     file = tmp_path / "team.yaml"
     file.write_text("uavs: [{bakend: light}]\n")
     with pytest.raises(RuntimeError, match=r"team.yaml:1: uavs\[0\].bakend: there is no such key"):
         team.names(UAL, str(file))
 
 
-def test_a_missing_command_is_told_with_what_to_do(tmp_path: Path) -> None:
+def test_a_missing_command_is_reported_with_what_to_do(tmp_path: Path) -> None:
     with pytest.raises(RuntimeError, match=r"`ual` does not run. Activate .* or name it \(ual:=.*: .*/nowhere/ual"):
         team.names("/nowhere/ual", str(tmp_path / "team.yaml"))
 

@@ -53,7 +53,7 @@ def test_each_package_that_is_imported_is_installed_with_it() -> None:
 @pytest.mark.usefixtures("ros")
 def test_what_the_daemon_takes_without_a_lease_needs_none_of_the_node() -> None:
     """docs/how-to/access.md: reading, cameras, frames, poses from outside, the simulated world and its pilot."""
-    table = part("beside.services").ServiceTable(part("beside.filling").Filling(), MagicMock(), None)
+    table = part("services.service_table").ServiceTable(part("services.filling").Filling(), MagicMock(), None)
     commands = [*part("flights").SERVICES, *table.services(), *table.simulation()]
     free = {"start_photos", "stop_photos", "start_video", "stop_video", "take_photo", "add_frame", "set_external_pose"}
     reading = ("get_", "list_", "simulation/", "set_camera_", "plan_", "download_")
@@ -141,13 +141,13 @@ def test_a_cancel_of_a_landing_aborts_it_where_no_safety_pilot_is() -> None:
 
 
 @pytest.mark.usefixtures("ros")
-def test_a_goal_of_which_the_node_cannot_tell_is_not_flown_on() -> None:
+def test_a_goal_of_which_the_node_cannot_tell_is_not_executed_on() -> None:
     """rclpy ends such a goal as aborted."""
 
     def fail(_: object, __: object) -> bool:
         raise ValueError("a mistake")
 
-    async def flown() -> Any:
+    async def executed() -> Any:
         pilot = FakePilot()
         action = replace(part("flights").ACTIONS[-1], is_task=False, also=fail)
         goals = part("goals").ActionGoals(MagicMock(), asyncio.get_running_loop(), "", action, pilot, 1000.0)
@@ -155,7 +155,7 @@ def test_a_goal_of_which_the_node_cannot_tell_is_not_flown_on() -> None:
             await goals._fly(MagicMock(goal_id=SimpleNamespace(uuid=bytes(16))))
         return await asyncio.wait_for(pilot.run.task, 5.0)
 
-    assert asyncio.run(flown()).message == "cancelled: the node failed"
+    assert asyncio.run(executed()).message == "cancelled: the node failed"
 
 
 class WatchedPilot(FakePilot):
@@ -188,34 +188,34 @@ def test_a_goal_takes_no_task_as_its_own_that_ran_before_it_was_sent(monkeypatch
     filled: list[str] = []
     monkeypatch.setattr(part("values"), "fill_feedback", lambda _, __, task: filled.append(task.id))
 
-    async def flown() -> None:
+    async def executed() -> None:
         pilot = WatchedPilot()
         [action] = [each for each in part("flights").ACTIONS if each.name == "go_to_waypoint"]
         goals = part("goals").ActionGoals(MagicMock(), asyncio.get_running_loop(), "", action, pilot, 1e6)
         handle = MagicMock(goal_id=SimpleNamespace(uuid=bytes(16)), request=SimpleNamespace(dry_run=False))
         flying = asyncio.create_task(goals._fly(handle))
 
-        async def told(sample: ual.Telemetry) -> None:
+        async def reported(sample: ual.Telemetry) -> None:
             pilot.newest, looked_count = sample, pilot.looked_count
             await until_async(lambda: pilot.looked_count > looked_count + 1)
 
-        await told(telling(9.0, "of another program"))  # it is not sent yet
+        await reported(telling(9.0, "of another program"))  # it is not sent yet
         pilot.run.before = part("outcome").Before(10.0, "before")
-        await told(telling(9.5, "even earlier"))
-        await told(telling(10.5, "before"))
+        await reported(telling(9.5, "even earlier"))
+        await reported(telling(10.5, "before"))
         assert filled == []
-        await told(telling(11.0, "own"))
+        await reported(telling(11.0, "own"))
         await until_async(lambda: filled)
         pilot.run.cancel("the node ends")
         await flying
 
-    asyncio.run(flown())
+    asyncio.run(executed())
     assert set(filled) == {"own"}
 
 
 @pytest.mark.usefixtures("ros")
 @pytest.mark.parametrize("is_dry_run", [False, True])
-def test_the_daemon_is_asked_what_runs_just_before_a_goal_is_sent(is_dry_run: bool) -> None:
+def test_the_daemon_is_queried_what_runs_just_before_a_goal_is_sent(is_dry_run: bool) -> None:
     steps: list[str] = []
 
     async def telemetry() -> ual.Telemetry:
@@ -270,7 +270,7 @@ class EagerNode:
 def test_a_request_that_comes_while_a_service_is_made_is_answered() -> None:
     node, future = EagerNode(), Future[str]()
     future.set_result("an answer")
-    part("services").LateService(node, None, "/uav_1/ual/simulation/step", lambda _, __: future)
+    part("late_service").LateService(node, None, "/uav_1/ual/simulation/step", lambda _, __: future)
     node.serving.join()
     assert node.answers == ["an answer"]
 
@@ -306,8 +306,8 @@ def test_a_camera_that_ends_by_a_mistake_ends_loudly(monkeypatch: pytest.MonkeyP
 
 
 @pytest.mark.usefixtures("ros")
-def test_a_part_that_ended_by_a_mistake_is_told_until_the_node_is_started_again() -> None:
-    async def told() -> health.Status:
+def test_a_part_that_ended_by_a_mistake_is_reported_until_the_node_is_started_again() -> None:
+    async def reported() -> health.Status:
         loop, uav = asyncio.get_running_loop(), interface()
         work = loop.create_task(_mistaken())
         await asyncio.wait((work,))
@@ -316,7 +316,7 @@ def test_a_part_that_ended_by_a_mistake_is_told_until_the_node_is_started_again(
         await uav.close()
         return health.of(ual.Telemetry(ual.State.FLYING_AUTO), uav._said)
 
-    status = asyncio.run(told())
+    status = asyncio.run(reported())
     assert (status.level, status.message) == (health.ERROR, "the node failed, start it again: ValueError('a mistake')")
 
 

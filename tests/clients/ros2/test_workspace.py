@@ -57,7 +57,7 @@ def test_the_node_runs_with_the_python_of_the_active_environment(installed: Path
         (("rclpy", "ual"), "does not find `ual_msgs` of ual_msgs. Run `. install/setup.bash`"),
     ],
 )
-def test_what_the_node_lacks_is_told_with_what_to_do(
+def test_what_the_node_lacks_is_reported_with_what_to_do(
     installed: Path, tmp_path: Path, has: tuple[str, ...], missing: str
 ) -> None:
     for name in has:

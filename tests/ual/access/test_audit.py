@@ -38,7 +38,7 @@ def test_a_whole_chain_is_whole() -> None:
 
 
 @given(st.integers(0, 5), st.data())
-def test_a_changed_line_is_found(number: int, data: st.DataObject) -> None:
+def test_a_changed_row_is_found(number: int, data: st.DataObject) -> None:
     lines = chained(ENTRIES)
     place = data.draw(st.integers(0, len(lines[number]) - 1))
     other = data.draw(st.integers(0, 255).filter(lambda byte: byte not in (lines[number][place], 10)))
@@ -52,7 +52,7 @@ def test_a_changed_line_is_found(number: int, data: st.DataObject) -> None:
 
 
 @given(st.integers(0, 4))
-def test_a_removed_line_is_found(number: int) -> None:
+def test_a_removed_row_is_found(number: int) -> None:
     lines = chained(ENTRIES)
     del lines[number]
     with pytest.raises(BrokenChainError, match=f"line {number + 1} was changed, or lines before it were removed"):
@@ -60,21 +60,21 @@ def test_a_removed_line_is_found(number: int) -> None:
 
 
 @given(st.permutations(range(6)).filter(lambda order: list(order) != list(range(6))))
-def test_swapped_lines_are_found(order: list[int]) -> None:
+def test_swapped_rows_are_found(order: list[int]) -> None:
     lines = chained(ENTRIES)
     with pytest.raises(BrokenChainError):
         audit.verify([lines[number] for number in order])
 
 
 @given(st.integers(0, 5), st.integers(0, 6))
-def test_a_line_that_is_put_in_again_is_found(number: int, place: int) -> None:
+def test_a_row_that_is_put_in_again_is_found(number: int, place: int) -> None:
     lines = chained(ENTRIES)
     lines.insert(place, lines[number])
     with pytest.raises(BrokenChainError):
         audit.verify(lines)
 
 
-def test_an_incomplete_line_is_allowed_where_the_next_daemon_has_seen_it() -> None:
+def test_an_incomplete_row_is_allowed_where_the_next_daemon_has_observed_it() -> None:
     lines = chained(ENTRIES[:2])
     torn, head = lines[1][:30], audit.hash_of(lines[0])
     assert head is not None
@@ -130,7 +130,7 @@ def test_what_is_no_audit_is_refused(tmp_path: Path, content: bytes, message: st
     assert f"{file}: {message}" in result.stderr
 
 
-def test_a_last_line_that_a_killed_daemon_has_left_is_counted(tmp_path: Path) -> None:
+def test_a_last_row_that_a_killed_daemon_has_left_is_counted(tmp_path: Path) -> None:
     file = tmp_path / "file"
     file.write_bytes(LINES[0] + b"\n" + LINES[1][:30])
     result = CliRunner().invoke(cli, ["audit", "verify", str(file)])

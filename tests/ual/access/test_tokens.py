@@ -94,7 +94,7 @@ TWIN = ONE.replace('"name": "a"', '"name": "b"')
         ("{", "line 1: it is no file of tokens: Expecting"),
     ],
 )
-def test_a_token_that_is_there_in_two_ways_is_refused(entries: str, message: str) -> None:
+def test_a_token_that_is_there_twice_is_refused(entries: str, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         tokens.read(f'{{"tokens": [{entries}]}}'.encode())
 
@@ -153,7 +153,7 @@ def test_they_are_listed_and_revoked(file: Path) -> None:
         (["revoke", "nobody"], "has no token nobody (it has: laptop)"),
     ],
 )
-def test_why_it_is_refused_is_said(file: Path, words: list[str], why: str) -> None:
+def test_why_it_is_refused_is_reported(file: Path, words: list[str], why: str) -> None:
     done("token", "new", "--role", "pilot", "--name", "laptop", "--file", str(file))
     before = file.read_bytes()
     result = run("token", *words, "--file", str(file))

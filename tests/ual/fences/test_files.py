@@ -98,14 +98,14 @@ def test_what_is_not_uploaded_is_named(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-be", "latin-1"])
 @pytest.mark.parametrize("text", [json.dumps(PLAN), ITEMS, FEN, RAL])
-def test_each_encoding_and_end_of_line_has_the_same(tmp_path: Path, text: str, encoding: str) -> None:
+def test_each_encoding_and_end_of_row_has_the_same(tmp_path: Path, text: str, encoding: str) -> None:
     file = tmp_path / "field.txt"
     file.write_bytes(text.replace("\n", "\r\n").encode(encoding))
     assert read(file) == read(written(tmp_path, text))
 
 
 @pytest.mark.parametrize("text", [ITEMS, FEN, RAL])
-def test_a_column_that_is_missing_or_doubled_is_refused_with_its_line(tmp_path: Path, text: str) -> None:
+def test_a_column_that_is_missing_or_doubled_is_refused_with_its_row(tmp_path: Path, text: str) -> None:
     lines = text.splitlines()
     for at, line in enumerate(lines):
         separator = "\t" if "\t" in line else " "
@@ -198,7 +198,7 @@ def changed(**parts: object) -> str:
         (changed(rallyPoints={"points": [["47,0", 8.0, 20]]}), "points, number 1: '47,0' is not a number"),
     ],
 )
-def test_what_is_wrong_is_named_with_its_place(tmp_path: Path, text: str, what: str) -> None:
+def test_what_is_wrong_is_named_with_its_position(tmp_path: Path, text: str, what: str) -> None:
     file = written(tmp_path, text)
     if not what:
         assert len(read(file).zones) == 1

@@ -54,7 +54,7 @@ def test_a_circle_encloses_what_is_nearer_than_its_radius(
         ((47.001, 8.001), "it is inside the exclusion circle of 20 m"),
     ],
 )
-def test_the_zone_that_forbids_a_place_is_named(place: tuple[float, float], why: str) -> None:
+def test_the_zone_that_forbids_a_position_is_named(place: tuple[float, float], why: str) -> None:
     assert leaves_out((FIELD, POND), *place) == why
 
 

@@ -76,7 +76,7 @@ def attitude_of(jpeg: bytes) -> tuple[float, float, float]:
     return yaw, pitch, roll
 
 
-def test_place_time_direction_and_focal_length_are_read_again() -> None:
+def test_position_time_direction_and_focal_length_are_read_again() -> None:
     jpeg = to_jpeg(image(place=GeoPoint(37.412345678, -6.001234567, 123.456)), "light camera")
     tags = tags_of(jpeg)
     assert degrees_of(tags, "Latitude") == pytest.approx(37.412345678, abs=2e-9)
@@ -114,7 +114,7 @@ def test_what_is_not_known_is_not_written() -> None:
 
 
 @given(st.floats(-90.0, 90.0), st.floats(-180.0, 180.0), st.floats(-400.0, 9000.0), st.floats(0.0, 4e9))
-def test_every_place_on_earth_is_told_within_a_millimetre(
+def test_every_position_on_earth_is_reported_within_a_millimetre(
     latitude_deg: float, longitude_deg: float, altitude_m: float, stamp_s: float
 ) -> None:
     exif = PIL.Image.Exif()

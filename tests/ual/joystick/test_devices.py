@@ -130,7 +130,7 @@ def test_a_device_that_sdl_does_not_know_is_known_by_a_file(tmp_path: Path) -> N
         ("0" * 32 + ",A stick,leftx:a0,leftx:a1,", "leftx is bound twice"),
     ],
 )
-def test_a_file_that_sdl_would_ignore_is_an_error_with_its_line(tmp_path: Path, line: str, error: str) -> None:
+def test_a_file_that_sdl_would_ignore_is_an_error_with_its_row(tmp_path: Path, line: str, error: str) -> None:
     file = tmp_path / "mine.txt"
     file.write_text(f"# my sticks\n\n{line}\n")
     with pytest.raises(MappingError) as raised:

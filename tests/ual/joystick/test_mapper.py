@@ -34,7 +34,7 @@ def skip_to(mapper: Mapper, target: Axis | Button) -> None:
         mapper.skip()
 
 
-def asked(mapper: Mapper) -> Axis | Button | None:
+def requests_made(mapper: Mapper) -> Axis | Button | None:
     return None if mapper.question is None else mapper.question.target
 
 
@@ -56,17 +56,17 @@ def test_a_stick_is_the_axis_that_moved(value: float, binding: str) -> None:
     mapper = Mapper(GUID, "Stick", REST)
     answer(mapper, moved(2, 0.2), moved(2, value), moved(2, 0.3))
     assert mapper.mapping().bindings == {"leftx": binding}
-    assert asked(mapper) is Axis.LEFT_Y
+    assert requests_made(mapper) is Axis.LEFT_Y
 
 
 def test_an_answer_is_taken_once_all_is_at_rest_again() -> None:
     mapper = Mapper(GUID, "Stick", REST)
     mapper.feed(moved(2, 1.0))
-    assert asked(mapper) is Axis.LEFT_X
+    assert requests_made(mapper) is Axis.LEFT_X
     mapper.feed(moved(2, 0.3))
-    assert asked(mapper) is Axis.LEFT_X
+    assert requests_made(mapper) is Axis.LEFT_X
     mapper.feed(moved(2, 0.2))
-    assert asked(mapper) is Axis.LEFT_Y
+    assert requests_made(mapper) is Axis.LEFT_Y
 
 
 @pytest.mark.parametrize(
@@ -105,18 +105,18 @@ def test_the_directional_pad_may_be_buttons_a_hat_or_axes() -> None:
     assert mapper.mapping().bindings == {"dpup": "b11", "dpdown": "h0.4", "dpleft": "-a0", "dpright": "+a0"}
 
 
-def test_what_is_not_one_thing_is_asked_again_and_says_why() -> None:
+def test_what_is_not_one_thing_is_queried_again_and_says_why() -> None:
     mapper = Mapper(GUID, "Stick", REST)
     answer(mapper, moved(2, 0.4), pressed(3))
-    assert (asked(mapper), mapper.note) == (Axis.LEFT_X, "")
+    assert (requests_made(mapper), mapper.note) == (Axis.LEFT_X, "")
     answer(mapper, moved(2, 0.8), moved(3, 0.8))
-    assert (asked(mapper), mapper.note) == (Axis.LEFT_X, "two were moved at once: once more, only the one")
+    assert (requests_made(mapper), mapper.note) == (Axis.LEFT_X, "two were moved at once: once more, only the one")
     answer(mapper, moved(2, 1.0))
     answer(mapper, moved(2, 1.0))
-    assert (asked(mapper), mapper.note) == (Axis.LEFT_Y, "that is leftx already: another one, or skip it")
+    assert (requests_made(mapper), mapper.note) == (Axis.LEFT_Y, "that is leftx already: another one, or skip it")
     skip_to(mapper, Button.A)
     answer(mapper, moved(2, 1.0))
-    assert (asked(mapper), mapper.note) == (Button.A, "that is leftx already: another one, or skip it")
+    assert (requests_made(mapper), mapper.note) == (Button.A, "that is leftx already: another one, or skip it")
 
 
 def test_back_asks_again() -> None:
@@ -124,7 +124,7 @@ def test_back_asks_again() -> None:
     mapper.back()
     answer(mapper, moved(2, 1.0))
     mapper.back()
-    assert asked(mapper) is Axis.LEFT_X
+    assert requests_made(mapper) is Axis.LEFT_X
     answer(mapper, moved(1, 1.0))
     assert mapper.mapping().bindings == {"leftx": "a1"}
 

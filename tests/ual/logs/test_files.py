@@ -150,7 +150,7 @@ def test_a_wrong_hash_a_hole_and_a_missing_end_are_errors(file: Path) -> None:
     assert not file.exists()
 
 
-def test_a_file_that_cannot_be_written_is_an_error_before_anything_is_asked_for(tmp_path: Path) -> None:
+def test_a_file_that_cannot_be_written_is_an_error_before_anything_is_requested(tmp_path: Path) -> None:
     logs = Logs()
     with pytest.raises(InvalidArgumentError, match="cannot write"):
         fetch(logs, LOG, tmp_path / "nowhere" / "flight.ulg")

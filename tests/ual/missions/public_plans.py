@@ -50,7 +50,7 @@ class Public(NamedTuple):
     @property
     def text(self) -> str:
         """The mission in the format of the file."""
-        return _plan(self) if self.is_plan else _lines(self)
+        return _plan(self) if self.is_plan else _rows(self)
 
     @property
     def file_name(self) -> str:
@@ -107,7 +107,7 @@ def _plan(public: Public) -> str:
     return json.dumps({**document, "geoFence": fence, "rallyPoints": rally})
 
 
-def _lines(public: Public) -> str:
+def _rows(public: Public) -> str:
     rows = [_of_ardupilot(*public.home, frame=0), *public.items]
     lines = [
         "\t".join(map(str, (number, int(number == 0), frame, command, *params, 1)))

@@ -86,7 +86,7 @@ def test_an_item_is_named_by_its_number_in_the_file() -> None:
         ((A, "B"), "items[1]: 'B' is no item of a mission"),
     ],
 )
-def test_an_item_in_the_wrong_place_is_refused(items: tuple[Any, ...], words: str) -> None:
+def test_an_item_in_the_wrong_position_is_refused(items: tuple[Any, ...], words: str) -> None:
     assert refusal(*items).message.startswith(words)
 
 

@@ -114,7 +114,7 @@ def test_the_end_of_one_trigger_is_not_the_end_of_another_one() -> None:
         assert "it ends a trigger by" in refusal(plan(take_off(20.0), waypoint(), *commands))
 
 
-def test_a_survey_of_mission_planner_is_read_as_it_is_flown() -> None:
+def test_a_survey_of_mission_planner_is_read_as_it_is_executed() -> None:
     mission = read(DATA / "mp_survey.waypoints")
     found = [each for each in mission.items if isinstance(each, CameraTrigger)]
     assert found == [CameraTrigger(CameraAction.BY_DISTANCE_LATER, 12.5), CameraTrigger(CameraAction.STOP)]
@@ -160,7 +160,7 @@ def test_parameters_that_multirotors_ignore_are_named() -> None:
     ]
 
 
-def test_a_take_off_at_the_planned_home_has_no_place_and_one_elsewhere_has() -> None:
+def test_a_take_off_at_the_planned_home_has_no_position_and_one_elsewhere_has() -> None:
     elsewhere = item(22, [0, 0, 0, None, HOME[0] + 1e-4, HOME[1], 20])
     assert items(plan(take_off())) == [TakeOff(20.0)]
     assert items(plan(elsewhere)) == [TakeOff(20.0, AltitudeReference.HOME, HOME[0] + 1e-4, HOME[1])]
@@ -246,14 +246,14 @@ KML = """<kml><Placemark><LineString><altitudeMode>{mode}</altitudeMode>
 <coordinates>8.1,47.1,20 8.2,47.2,30</coordinates></LineString></Placemark></kml>"""
 
 
-def test_the_places_of_a_line_are_waypoints() -> None:
+def test_the_positions_of_a_row_are_waypoints() -> None:
     found = items(KML.format(mode="absolute"), "a.kml")
     above = AltitudeReference.AMSL
     assert found == [Waypoint(47.1, 8.1, 20.0, above), Waypoint(47.2, 8.2, 30.0, above)]
     assert [each.number for each in found] == ["1", "2"]
 
 
-def test_an_altitude_given_replaces_those_of_a_line() -> None:
+def test_an_altitude_passed_replaces_those_of_a_row() -> None:
     mission = parse(KML.format(mode="clampToGround").encode(), "a.kml", altitude_m=15.0)
     assert mission.items == [Waypoint(47.1, 8.1, 15.0), Waypoint(47.2, 8.2, 15.0)]
 
@@ -290,14 +290,14 @@ def test_a_published_plan_that_a_mission_cannot_have_is_refused_by_its_item(publ
     assert refusal(public.text, public.file_name).startswith(public.refusal)
 
 
-def test_the_place_of_a_take_off_is_left_out_as_ardupilot_ignores_it() -> None:
+def test_the_position_of_a_take_off_is_left_out_as_ardupilot_ignores_it() -> None:
     delay = next(each for each in FLOWN if each.name == "ardupilot_delay")
     mission = parse(delay.text.encode(), delay.file_name)
     assert mission.items[0] == TakeOff(20.0)
     assert mission.left_out == ["item 0: home", "item 1: the place of the take-off, which ArduPilot ignores"]
 
 
-def test_what_ardupilot_does_not_give_is_that_of_the_item_flown_before() -> None:
+def test_what_ardupilot_does_not_give_is_that_of_the_item_executed_before() -> None:
     nowhere = item(16, [0, 0, 0, 0, 0, 0, 30])
     landing = item(21, [0, 0, 0, 0, 0, 0, 0])
     first = waypoint(47.1, 8.1, 25.0, yaw=0.0)

@@ -143,7 +143,7 @@ def _found(client: ual.Uav) -> str:
         return ""
 
 
-def test_a_network_that_cannot_be_read_is_told_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_network_that_cannot_be_read_is_reported_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("UAL_NETWORK", str(tmp_path / "none.yaml"))
     for make in (ual.Uav, ual.aio.Uav):
         with pytest.raises(InvalidArgumentError, match=r"none\.yaml: cannot be read: No such file"):

@@ -31,7 +31,7 @@ def case() -> Case:
     return Case()
 
 
-def test_a_uav_that_is_not_there_is_told(case: Case) -> None:
+def test_a_uav_that_is_not_there_is_reported(case: Case) -> None:
     with pytest.raises(DaemonUnreachableError, match="no UAV uav_1 is on the network \\(site farm\\)"):
         case.followed.address()
 
@@ -59,7 +59,7 @@ def test_what_flies_one_goes_on_when_another_takes_its_name(case: Case) -> None:
     assert case.followed.address() == "10.0.0.1:50051"
 
 
-def test_another_computers_uav_of_its_name_is_not_flown_instead(case: Case) -> None:
+def test_another_computers_uav_of_its_name_is_not_executed_instead(case: Case) -> None:
     case.tell(1, "10.0.0.1:50051", "a")
     assert case.followed.address() == "10.0.0.1:50051"
     case.roster.on_gone(source(instance=1), 2.0)

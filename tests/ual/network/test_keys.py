@@ -54,7 +54,7 @@ def test_a_fleet_speaks_for_its_uavs_only() -> None:
 
 
 @given(counted, st.integers(0, 10**6), st.integers(1, 500))
-def test_a_fleets_publisher_speaks_for_each_of_it_and_for_none_beside(base: str, first: int, count: int) -> None:
+def test_a_fleets_publisher_speaks_for_each_of_it_and_for_none_next_to(base: str, first: int, count: int) -> None:
     names = [f"{base}_{first + i}" for i in range(count)]
     publisher = keys.publisher(names)
     assert keys.is_publisher(publisher)

@@ -26,7 +26,7 @@ def names(network: Network) -> list[str]:
     return [each.ns for each in network.uavs() if each.gone_s is None]
 
 
-def test_a_uav_appears_is_heard_and_vanishes(net: ZenohNet) -> None:
+def test_a_uav_appears_is_received_and_vanishes(net: ZenohNet) -> None:
     net.router()
     network, told = net.network(), net.publication()
     until(lambda: names(network), between=saying(told, report()))
@@ -105,7 +105,7 @@ def test_what_starts_uses_the_first_router_that_answers(net: ZenohNet, *, is_sil
         until(lambda: names(network) == ["uav_1"], between=saying(told, report()))
 
 
-def test_other_sites_are_not_heard(net: ZenohNet) -> None:
+def test_other_sites_are_not_received(net: ZenohNet) -> None:
     net.router()
     network = net.network()
     elsewhere = NetworkSettings(site=f"{net.site}x", connect=net.settings.connect)
@@ -128,7 +128,7 @@ def test_after_a_router_was_started_again_presence_is_right_by_itself(net: Zenoh
     assert told.is_connected
 
 
-def test_two_daemons_of_one_name_are_told_and_not_flown(net: ZenohNet) -> None:
+def test_two_daemons_of_one_name_are_reported_and_not_executed(net: ZenohNet) -> None:
     net.router()
     network = net.network()
     for instance, host in ((1, "a"), (2, "b")):
@@ -139,7 +139,7 @@ def test_two_daemons_of_one_name_are_told_and_not_flown(net: ZenohNet) -> None:
         network.find("uav_1")
 
 
-def test_what_is_no_report_is_dropped_and_told(net: ZenohNet) -> None:
+def test_what_is_no_report_is_dropped_and_reported(net: ZenohNet) -> None:
     said: list[str] = []
     net.router()
     network, told = net.network(), net.publication()

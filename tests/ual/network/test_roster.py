@@ -26,7 +26,7 @@ def case() -> Case:
     return Case()
 
 
-def test_a_uav_is_there_once_its_daemon_is_present_and_has_told(case: Case) -> None:
+def test_a_uav_is_there_once_its_daemon_is_present_and_has_reported(case: Case) -> None:
     assert not case.roster.is_complete(10.0)  # on a busy computer nothing may have been heard yet
     case.roster.on_alive(source(), 10.0)
     assert case.names() == []
@@ -72,7 +72,7 @@ def test_a_daemon_that_was_cut_off_comes_back_as_the_same(case: Case) -> None:
     assert (found.gone_s, found.heard_s) == (None, 63.0)
 
 
-def test_a_sample_under_anothers_name_is_dropped_and_told(case: Case) -> None:
+def test_a_sample_under_anothers_name_is_dropped_and_reported(case: Case) -> None:
     for number, publisher in ((1, "uav_1"), (2, "uav_2")):
         case.roster.on_alive(source(publisher, number), 0.0)
         case.roster.on_report(source(publisher, number), report(uav(publisher, f"10.0.0.{number}:1")), 1.0)
@@ -84,7 +84,7 @@ def test_a_sample_under_anothers_name_is_dropped_and_told(case: Case) -> None:
     assert case.dropped == ["uav_2 tells of uav_1, for which it may not speak: dropped"]
 
 
-def test_what_shows_no_sign_of_life_is_not_heard(case: Case) -> None:
+def test_what_shows_no_sign_of_life_is_not_received(case: Case) -> None:
     case.roster.on_report(source(), report(), 1.0)
     assert case.dropped == []  # its sign of life may be on its way
     assert case.roster.doubtful(1.0)
@@ -100,7 +100,7 @@ def test_what_shows_no_sign_of_life_is_not_heard(case: Case) -> None:
     assert case.dropped == ["uav_1 tells of UAVs, but shows no sign of life: dropped"] * 2
 
 
-def test_a_sign_of_life_that_was_lost_is_asked_for(case: Case) -> None:
+def test_a_sign_of_life_that_was_lost_is_requested(case: Case) -> None:
     case.roster.on_alive(source(), 0.0)
     case.roster.on_report(source(), report(), 1.0)
     case.roster.on_gone(source(), 2.0)
@@ -111,7 +111,7 @@ def test_a_sign_of_life_that_was_lost_is_asked_for(case: Case) -> None:
     assert (found.gone_s, found.heard_s, case.dropped) == (None, 5.0, [])
 
 
-def test_one_that_is_silent_and_not_there_when_it_is_asked_for_is_gone(case: Case) -> None:
+def test_one_that_is_silent_and_not_there_when_it_is_requested_is_gone(case: Case) -> None:
     for name, instance, heard_s in (("uav_1", 1, 1.0), ("uav_2", 2, 4.0)):
         case.roster.on_alive(source(name, instance), 0.0)
         case.roster.on_report(source(name, instance), report(uav(name)), heard_s)
@@ -121,7 +121,7 @@ def test_one_that_is_silent_and_not_there_when_it_is_asked_for_is_gone(case: Cas
     assert [each.gone_s for each in case.roster.uavs()] == [4.5, None]
 
 
-def test_two_uavs_of_one_name_are_told_apart(case: Case) -> None:
+def test_two_uavs_of_one_name_are_distinguished(case: Case) -> None:
     for instance, host in ((1, "a"), (2, "b")):
         case.roster.on_alive(source(instance=instance), 0.0)
         told = uav(address=f"10.0.0.{instance}:50051")
@@ -155,7 +155,7 @@ def test_of_several_that_are_gone_the_last_is_shown(case: Case) -> None:
     assert found.teller.host == "1"
 
 
-def test_a_fleet_is_complete_when_it_has_told_of_all(case: Case) -> None:
+def test_a_fleet_is_complete_when_it_has_informed_of_all(case: Case) -> None:
     fleet = source("uav_9-11")
     case.roster.on_alive(fleet, 0.0)
     case.roster.on_report(fleet, report(uav("uav_10"), uav("uav_9"), count=3), 1.0)
@@ -173,7 +173,7 @@ def test_however_many_say_that_they_are_there_memory_is_limited(case: Case, monk
     assert case.dropped == [f"more than 3 daemons: uav_{instance} is not shown" for instance in (3, 4)]
 
 
-def test_one_publisher_takes_no_place_of_others(case: Case) -> None:
+def test_one_publisher_takes_no_position_of_others(case: Case) -> None:
     """Its certificate lets it show as many signs of life as it wants."""
     for instance in range(5000):
         case.roster.on_alive(source("uav_2", instance), instance * 1e-3)
@@ -186,7 +186,7 @@ def test_one_publisher_takes_no_place_of_others(case: Case) -> None:
     assert case.names() == ["uav_1", "uav_2"]
 
 
-def test_a_daemon_that_is_started_again_and_again_has_its_place(case: Case) -> None:
+def test_a_daemon_that_is_started_again_and_again_keeps_its_slot(case: Case) -> None:
     for instance in range(50):
         case.roster.on_alive(source(instance=instance), float(instance))
         case.roster.on_report(source(instance=instance), report(host=str(instance), started_s=instance), instance + 0.1)
@@ -219,7 +219,7 @@ def test_a_second_daemon_of_a_name_is_waited_for(case: Case) -> None:
     assert case.roster.is_known("uav_1", 3.1)
 
 
-def test_what_is_not_heard_is_not_there_whatever_its_sign_of_life_says(case: Case) -> None:
+def test_what_is_not_received_is_not_there_whatever_its_sign_of_life_says(case: Case) -> None:
     for name, instance, rate_hz in (("uav_1", 1, 1.0), ("uav_2", 2, 0.5)):
         case.roster.on_alive(source(name, instance), 0.0)
         case.roster.on_report(source(name, instance), report(uav(name), rate_hz=rate_hz), 10.0)

@@ -74,7 +74,7 @@ def test_what_stays_on_this_computer_needs_none(tmp_path: Path, text: str) -> No
     assert not read(tmp_path, text).has_certificate
 
 
-def test_one_rule_says_what_other_computers_reach() -> None:
+def test_one_rule_says_what_other_computers_get_to() -> None:
     addresses = [
         "127.0.0.1:1",
         "localhost:1",
@@ -122,6 +122,6 @@ def test_a_mistake_names_its_file_and_key(tmp_path: Path, text: str, why: str) -
     assert str(caught.value).startswith(f"{tmp_path / 'network.yaml'}: ")
 
 
-def test_a_file_that_is_not_there_is_told(tmp_path: Path) -> None:
+def test_a_file_that_is_not_there_is_reported(tmp_path: Path) -> None:
     with pytest.raises(InvalidArgumentError, match="cannot be read: No such file"):
         settings.read(tmp_path / "none.yaml")

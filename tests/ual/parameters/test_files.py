@@ -119,7 +119,7 @@ def test_another_ending_is_refused(tmp_path: Path) -> None:
         ("1\t1\tX\t1\t9\n1\t1\tX\t2\t9\n", r"line 2: X was 1 before, and is 2 here"),
     ],
 )
-def test_a_wrong_line_is_named(tmp_path: Path, text: str, message: str) -> None:
+def test_a_wrong_row_is_named(tmp_path: Path, text: str, message: str) -> None:
     path = tmp_path / "a.param"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(InvalidArgumentError, match=message):
@@ -129,13 +129,13 @@ def test_a_wrong_line_is_named(tmp_path: Path, text: str, message: str) -> None:
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "utf-16-le", "utf-32", "latin-1", "cp1252"])
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
 @pytest.mark.parametrize("text", [QGC, MISSION_PLANNER, MAVPROXY])
-def test_each_encoding_and_end_of_line_has_the_same_values(tmp_path: Path, text: str, end: str, encoding: str) -> None:
+def test_each_encoding_and_end_of_row_has_the_same_values(tmp_path: Path, text: str, end: str, encoding: str) -> None:
     path = tmp_path / "a.param"
     path.write_bytes(f"{text}# Höhe\n".replace("\n", end).encode(encoding))
     assert compare(read(path), PARAMETERS, all_names=True) == []
 
 
-def test_lines_of_other_components_are_left_out_and_named(tmp_path: Path) -> None:
+def test_rows_of_other_components_are_left_out_and_named(tmp_path: Path) -> None:
     path = tmp_path / "two.params"
     path.write_text(f"{QGC}1\t154\tCAL_ID\t7\t6\n1\t154\tMPC_XY_CRUISE\t3.0\t9\n1\t100\tCAM_MODE\t2\t8\n")
     found = read(path)
@@ -180,7 +180,7 @@ def test_a_sign_too_many_or_instead_gives_the_same_values_or_a_refusal(text: str
 
 @pytest.mark.parametrize("text", FORMS.values(), ids=FORMS.keys())
 @pytest.mark.parametrize("line", range(3))
-def test_a_column_that_is_missing_or_doubled_is_refused_with_its_line(tmp_path: Path, text: str, line: int) -> None:
+def test_a_column_that_is_missing_or_doubled_is_refused_with_its_row(tmp_path: Path, text: str, line: int) -> None:
     lines = text.split("\n")
     [separator] = {each for each in lines[line] if each in "\t, "}
     fields = lines[line].split(separator)

@@ -115,7 +115,7 @@ def without_gimbals() -> Gimbals:
     return gimbals
 
 
-def test_where_a_gimbal_looks_is_the_transform_of_its_frame(recorder: Recorder) -> None:
+def test_where_a_gimbal_points_is_the_transform_of_its_frame(recorder: Recorder) -> None:
     gimbals = Gimbals(GimbalStatus(100.25, in_body=Quaternion()), GimbalStatus(), GimbalStatus(100.5, in_body=DOWN))
     record(recorder, gimbals, Gripper(NOT_OFFERED), lambda: not gimbals.statuses)
     first, second = (each.transforms[0] for each in messages(recorder, "gimbal_0/tf", FrameTransforms))
@@ -170,7 +170,7 @@ def read(path: Path) -> list[Any]:
     return list(Recording(path).messages())
 
 
-def test_a_uav_that_can_carry_nothing_is_asked_once_and_has_no_topic(recorder: Recorder) -> None:
+def test_a_uav_that_can_carry_nothing_is_queried_once_and_has_no_topic(recorder: Recorder) -> None:
     gimbals, gripper = without_gimbals(), Gripper(NOT_OFFERED)
     of_gimbals: Any = gimbals
     of_gripper: Any = gripper

@@ -40,7 +40,7 @@ def test_frames_are_due_when_they_have_moved_and_now_and_then() -> None:
 def test_a_client_records_where_a_frame_moves(tmp_path: Path) -> None:
     recorder, place = Recorder(tmp_path, "uav_1"), [1.0]
 
-    def asked() -> list[Frame]:
+    def requests_made() -> list[Frame]:
         if place[0] == 2.0:
             place[0] = 3.0
             raise LinkLostError("the daemon does not answer")
@@ -51,7 +51,7 @@ def test_a_client_records_where_a_frame_moves(tmp_path: Path) -> None:
         return [each.translation.x for one in found for each in FrameTransforms.FromString(one.data).transforms]
 
     recorder.start()
-    recording = FrameRecording("uav_1", asked, TelemetryTopics("uav_1"), recorder)
+    recording = FrameRecording("uav_1", requests_made, TelemetryTopics("uav_1"), recorder)
     until(lambda: 1.0 in drawn(), "it is drawn")
     place[0] = 2.0
     until(lambda: 3.0 in drawn(), "it is drawn where it is now")

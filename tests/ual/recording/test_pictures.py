@@ -121,7 +121,7 @@ def test_each_picture_is_recorded_with_its_poses_its_lens_and_its_bytes(recorder
     assert (turned.rotate(Vector3(0.0, 0.0, 1.0)) - Vector3(0.0, 0.0, -1.0)).norm() < 1e-9  # it looks down its z
 
 
-def test_a_camera_that_gives_no_bytes_is_told(recorder: Recorder) -> None:
+def test_a_camera_that_gives_no_bytes_is_reported(recorder: Recorder) -> None:
     camera = Camera(CameraAbility.PHOTO)
     recorded = record(camera, recorder, 3)
     assert recorded.figures == (3, 3, "the camera gives none")
@@ -150,13 +150,13 @@ def test_the_pictures_of_a_daemon_that_was_started_anew_are_recorded(recorder: R
     recorded.start()
     told = 0
 
-    def are_told() -> bool:
+    def are_reported() -> bool:
         return recorded.figures.photos_count >= told
 
     for boot, count in enumerate((3, 2, 2, 4)):
         camera.taken = [Photo(number, 1000.0 * boot + number) for number in range(count)]
         told += count
-        until(are_told, "all are told")
+        until(are_reported, "all are told")
     recorded.close()
     recorder.close()
     assert recorded.figures.photos_count == told
@@ -164,7 +164,7 @@ def test_the_pictures_of_a_daemon_that_was_started_anew_are_recorded(recorder: R
     assert stamps == [0.0, 1.0, 2.0, 1000.0, 1001.0, 2000.0, 2001.0, 3000.0, 3001.0, 3002.0, 3003.0]
 
 
-def test_what_was_not_fetched_before_the_end_is_told_without_its_bytes(recorder: Recorder) -> None:
+def test_what_was_not_fetched_before_the_end_is_reported_without_its_bytes(recorder: Recorder) -> None:
     camera = Camera(CameraAbility.IMAGE)
     cameras: Any = Cameras(camera)
     recorded = PictureRecorder("uav_1", cameras, recorder)

@@ -165,7 +165,7 @@ def test_what_did_not_wait_is_missing_and_the_next_file_says_so(
     assert "15 records are missing" in caplog.text
 
 
-def test_a_disk_that_fails_until_the_end_is_told_once_more(
+def test_a_disk_that_fails_until_the_end_is_reported_once_more(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(recorder_module, "FLUSH_S", 0.0)
@@ -240,7 +240,7 @@ def test_large_entries_are_bounded_by_their_bytes(tmp_path: Path) -> None:
     recorder.close()
 
 
-def test_what_cannot_be_encoded_is_told_in_its_place_and_the_rest_is_recorded(
+def test_what_cannot_be_encoded_is_reported_in_its_position_and_the_rest_is_recorded(
     tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     def fail(*_: object) -> None:

@@ -60,11 +60,11 @@ def test_an_encoding_that_the_file_declares_is_read(encoding: str) -> None:
 
 
 @pytest.mark.parametrize("declared", ["zip", "unicode_escape", "punycode", "nonsense", "utf-7", "cp037"])
-def test_an_encoding_that_is_none_is_not_asked(declared: str) -> None:
+def test_an_encoding_that_is_none_is_not_queried(declared: str) -> None:
     assert routes.parse(KML.format(declared).encode("latin-1"), "a.kml").waypoints == PLACE
 
 
-def test_the_lines_of_each_system_are_read() -> None:
+def test_the_rows_of_each_system_are_read() -> None:
     for end in ("\n", "\r\n", "\r"):
         assert routes.parse(end.join(("1,1,5", "2,2,5", "3,1,5", "")).encode(), "a.csv").waypoints == POSES
     assert routes.parse(b"1,1,5 # caf\xe9\x85 9,9,9\n2,2,5\n3,1,5\n\x1a", "a.csv").waypoints == POSES
@@ -116,7 +116,7 @@ def test_an_altitude_for_a_file_that_has_its_own_is_refused(name: str) -> None:
     ],
     ids=lambda value: str(value)[:30],
 )
-def test_what_is_no_route_is_refused_in_one_short_line(data: bytes, name: str, message: str) -> None:
+def test_what_is_no_route_is_refused_in_one_short_message(data: bytes, name: str, message: str) -> None:
     with pytest.raises(RouteError, match=message) as caught:
         routes.parse(data, name)
     assert len(str(caught.value)) < 200

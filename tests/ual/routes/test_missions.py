@@ -22,7 +22,7 @@ A, B, C = (waypoint(47.1, 8.1), waypoint(47.2, 8.2), waypoint(47.3, 8.3))
 NORTH, EAST = math.pi / 2, 0.0
 
 
-def flown(*items: dict[str, Any], firmware: int | None = PX4) -> Route:
+def executed(*items: dict[str, Any], firmware: int | None = PX4) -> Route:
     return routes.parse_plan(plan(*items, firmware=firmware), "m.plan")
 
 
@@ -38,7 +38,7 @@ def yaws(route: Route) -> list[float | None]:
 
 
 def test_a_plan_gives_its_waypoints_with_altitudes_headings_and_speeds() -> None:
-    route = flown(
+    route = executed(
         item(22, [0, 0, 0, None, 47.1, 8.1, 10]),
         waypoint(47.1, 8.1, 20, yaw=0.0),
         do(178, 1, 4.5, -1),
@@ -74,21 +74,21 @@ def test_a_plan_gives_its_waypoints_with_altitudes_headings_and_speeds() -> None
 def test_the_firmware_of_a_plan_says_what_its_heading_means(
     firmware: int | None, yaw_deg: float | None, yaw_rad: float | None
 ) -> None:
-    route = flown(waypoint(yaw=yaw_deg), firmware=firmware)
+    route = executed(waypoint(yaw=yaw_deg), firmware=firmware)
     assert yaws(route) == [pytest.approx(yaw_rad)]
     ignored = ["item 1: the heading (parameter 4), which ArduPilot ignores"]
     assert route.left_out == (ignored if firmware == ARDUPILOT and yaw_deg else [])
 
 
 def test_a_waypoint_twice_is_one_with_both_holds() -> None:
-    route = flown(waypoint(hold=2.0), waypoint(hold=3.0), waypoint(yaw=90.0), B)
+    route = executed(waypoint(hold=2.0), waypoint(hold=3.0), waypoint(yaw=90.0), B)
     assert yaws(route) == [None, EAST, None]
     assert route.holds_s == [5.0, 0.0, 0.0]
     assert len(routes.read(DATA / "dup.plan").waypoints) == 3
 
 
-def test_the_radius_within_which_an_autopilot_passes_is_told() -> None:
-    route = flown(item(16, [0, 5, 0, None, 47.1, 8.1, 20]), item(16, [0, 0, 2, None, 47.2, 8.2, 20]))
+def test_the_radius_within_which_an_autopilot_passes_is_reported() -> None:
+    route = executed(item(16, [0, 5, 0, None, 47.1, 8.1, 20]), item(16, [0, 0, 2, None, 47.2, 8.2, 20]))
     assert route.left_out == [
         "items 1 and 2: the radius within which it is passed (the corner radius says how corners are flown)"
     ]
@@ -123,17 +123,17 @@ def test_the_radius_within_which_an_autopilot_passes_is_told() -> None:
 )
 def test_a_waypoint_that_is_none_is_refused_with_its_number(bad: dict[str, Any], message: str) -> None:
     with pytest.raises(RouteError, match=message):
-        flown(A, bad, C)
+        executed(A, bad, C)
 
 
 def test_an_altitude_of_0_is_none_for_ardupilot() -> None:
     with pytest.raises(RouteError, match="item 2: altitude 0 is for ArduPilot that of the waypoint before"):
-        flown(A, waypoint(47.2, alt=0), firmware=ARDUPILOT)
-    assert flown(waypoint(alt=0)).waypoints == [GeoWaypoint(47.1, 8.1, 0.0)]  # the daemon's floor refuses it
+        executed(A, waypoint(47.2, alt=0), firmware=ARDUPILOT)
+    assert executed(waypoint(alt=0)).waypoints == [GeoWaypoint(47.1, 8.1, 0.0)]  # the daemon's floor refuses it
 
 
-def test_an_altitude_that_was_calculated_above_the_terrain_is_flown_above_mean_sea_level() -> None:
-    route = flown(waypoint(alt=512.5, frame=0, AltitudeMode=3, Altitude=20, AMSLAltAboveTerrain=512.5))
+def test_an_altitude_that_was_calculated_above_the_terrain_is_executed_above_mean_sea_level() -> None:
+    route = executed(waypoint(alt=512.5, frame=0, AltitudeMode=3, Altitude=20, AMSLAltAboveTerrain=512.5))
     assert route.waypoints == [GeoWaypoint(47.1, 8.1, 512.5, AMSL)]
 
 
@@ -141,55 +141,55 @@ def test_an_altitude_that_was_calculated_above_the_terrain_is_flown_above_mean_s
 
 
 def test_a_delay_holds_at_the_waypoint_before() -> None:
-    assert flown(waypoint(hold=1.0), do(93, 10, -1, -1, -1), B).holds_s == [11.0, 0.0]
+    assert executed(waypoint(hold=1.0), do(93, 10, -1, -1, -1), B).holds_s == [11.0, 0.0]
     route = routes.read(DATA / "delay.plan")
     assert (len(route.waypoints), route.holds_s, route.left_out) == (2, [10.0, 0.0], [])
 
 
-def test_a_delay_before_the_first_waypoint_is_told() -> None:
-    route = flown(do(93, 10, -1, -1, -1), A)
+def test_a_delay_before_the_first_waypoint_is_reported() -> None:
+    route = executed(do(93, 10, -1, -1, -1), A)
     assert (route.holds_s, route.left_out) == ((), ["item 1: a delay of 10 s before the first waypoint"])
 
 
 def test_a_delay_until_a_time_of_the_day_is_refused_but_for_px4_which_does_not_wait() -> None:
     until = do(93, -1, 14, 30, 0)
     with pytest.raises(RouteError, match="item 2: it waits until a time of the day"):
-        flown(A, until, B, firmware=ARDUPILOT)
-    assert flown(A, until, B, firmware=PX4).holds_s == ()
+        executed(A, until, B, firmware=ARDUPILOT)
+    assert executed(A, until, B, firmware=PX4).holds_s == ()
 
 
 @pytest.mark.parametrize(("firmware", "yaw_rad"), [(PX4, EAST), (ARDUPILOT, None), (None, None)])
 def test_a_loiter_with_a_time_holds_there(firmware: int | None, yaw_rad: float | None) -> None:
-    route = flown(A, item(19, [7.5, 0, 0, 90, 47.2, 8.2, 20]), C, firmware=firmware)
+    route = executed(A, item(19, [7.5, 0, 0, 90, 47.2, 8.2, 20]), C, firmware=firmware)
     assert route.holds_s == [0.0, 7.5, 0.0]
     assert yaws(route) == [None, yaw_rad, None]
 
 
 def test_a_loiter_without_an_end_is_the_last_waypoint_or_refused() -> None:
     for_ever = item(17, [0, 0, 0, None, 47.3, 8.3, 20])
-    assert latitudes(flown(A, for_ever, do(2000))) == [47.1, 47.3]
+    assert latitudes(executed(A, for_ever, do(2000))) == [47.1, 47.3]
     assert len(routes.read(DATA / "loiter_unlim.plan").waypoints) == 3
     with pytest.raises(RouteError, match="item 2: the plan stays there without an end, but item 3 flies on"):
-        flown(A, for_ever, C)
+        executed(A, for_ever, C)
 
 
 def test_a_plan_that_waits_for_an_operator_is_refused_but_for_ardupilot_which_does_not_wait() -> None:
     waits = waypoint(autoContinue=False)
     with pytest.raises(RouteError, match=r"item 1: the plan waits there for an operator .* item 2 flies on"):
-        flown(waits, B)
-    assert latitudes(flown(B, waits)) == [47.2, 47.1]
-    assert latitudes(flown(waits, B, firmware=ARDUPILOT)) == [47.1, 47.2]
+        executed(waits, B)
+    assert latitudes(executed(B, waits)) == [47.2, 47.1]
+    assert latitudes(executed(waits, B, firmware=ARDUPILOT)) == [47.1, 47.2]
 
 
 # --- The end, and the beginning ---------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("command", "what"), [(20, "return to launch"), (21, "landing")])
-def test_what_ends_a_plan_is_told_at_its_end_and_refused_amid_it(command: int, what: str) -> None:
-    assert flown(A, do(command), do(2001)).left_out == [f"item 2: {what}", "item 3: camera and gimbal"]
+def test_what_ends_a_plan_is_reported_at_its_end_and_refused_amid_it(command: int, what: str) -> None:
+    assert executed(A, do(command), do(2001)).left_out == [f"item 2: {what}", "item 3: camera and gimbal"]
     for after in (B, do(177, 1, 1), do(22)):
         with pytest.raises(RouteError, match=f"item 2: it is a {what}, which ends a path, but item 3 flies on"):
-            flown(A, do(command), after)
+            executed(A, do(command), after)
 
 
 @pytest.mark.parametrize("name", ["rtl_mid.plan", "land_mid.plan"])
@@ -200,20 +200,20 @@ def test_a_landing_amid_a_file_is_refused(name: str) -> None:
 
 def test_a_take_off_amid_a_plan_is_refused() -> None:
     with pytest.raises(RouteError, match="item 2: it is a take-off amid the plan"):
-        flown(A, do(22), B)
+        executed(A, do(22), B)
 
 
 # --- Jumps ------------------------------------------------------------------------------------------------------------
 
 
-def test_a_jump_is_flown_as_often_as_it_says() -> None:
-    assert latitudes(flown(A, B, do(177, 1, 2), C)) == [47.1, 47.2, 47.1, 47.2, 47.1, 47.2, 47.3]
-    assert latitudes(flown(A, do(177, 3, 1), B, C, do(177, 2, 1))) == [47.1, 47.2, 47.3, 47.2, 47.3]
-    assert latitudes(flown(A, B, do(177, 1, 0), C)) == [47.1, 47.2, 47.3]
+def test_a_jump_is_executed_as_often_as_it_says() -> None:
+    assert latitudes(executed(A, B, do(177, 1, 2), C)) == [47.1, 47.2, 47.1, 47.2, 47.1, 47.2, 47.3]
+    assert latitudes(executed(A, do(177, 3, 1), B, C, do(177, 2, 1))) == [47.1, 47.2, 47.3, 47.2, 47.3]
+    assert latitudes(executed(A, B, do(177, 1, 0), C)) == [47.1, 47.2, 47.3]
 
 
 def test_a_jump_goes_back_to_the_speed_that_is_set_there() -> None:
-    route = flown(A, do(178, 1, 2), B, do(178, 1, 5), C, do(177, 2, 1))
+    route = executed(A, do(178, 1, 2), B, do(178, 1, 5), C, do(177, 2, 1))
     assert latitudes(route) == [47.1, 47.2, 47.3, 47.2, 47.3]
     assert route.leg_speeds_m_s == [0.0, 2.0, 5.0, 2.0, 5.0]
 
@@ -221,7 +221,7 @@ def test_a_jump_goes_back_to_the_speed_that_is_set_there() -> None:
 def test_jumps_within_jumps_are_counted_over_the_whole_plan() -> None:
     """PX4 and ArduPilot never set a jump's count back, so the inner loop repeats in the first round only."""
     once, again = [47.1, 47.2, 47.3], [47.2, 47.3]
-    assert latitudes(flown(A, B, C, do(177, 2, 1), do(177, 1, 1))) == [*once, *again, *once]
+    assert latitudes(executed(A, B, C, do(177, 2, 1), do(177, 1, 1))) == [*once, *again, *once]
 
 
 def test_a_jump_of_a_file_whose_numbers_are_all_alike_counts_the_items() -> None:
@@ -244,7 +244,7 @@ def test_a_jump_of_a_file_whose_numbers_are_all_alike_counts_the_items() -> None
 )
 def test_a_jump_that_has_no_end_or_no_target_is_refused(jump: dict[str, Any], message: str) -> None:
     with pytest.raises(RouteError, match=message):
-        flown(A, jump, B)
+        executed(A, jump, B)
 
 
 # --- Speeds and headings ----------------------------------------------------------------------------------------------
@@ -255,47 +255,47 @@ def test_a_jump_that_has_no_end_or_no_target_is_refused(jump: dict[str, Any], me
     [(PX4, -1, 0.0), (PX4, 0, 0.0), (ARDUPILOT, -1, 3.0), (ARDUPILOT, 0, 3.0), (None, -1, 3.0), (None, -2, 0.0)],
 )
 def test_the_firmware_says_what_no_speed_means(firmware: int | None, value: float, speed_m_s: float) -> None:
-    route = flown(do(178, 1, 3), A, do(178, 0, value), B, firmware=firmware)
+    route = executed(do(178, 1, 3), A, do(178, 0, value), B, firmware=firmware)
     assert route.leg_speeds_m_s == [3.0, speed_m_s]
 
 
 @pytest.mark.parametrize("kind", [2, 3])
 def test_a_speed_of_climbs_or_descents_is_refused(kind: int) -> None:
     with pytest.raises(RouteError, match="item 2: it sets the speed of climbs or descents"):
-        flown(A, do(178, kind, 1), B)
+        executed(A, do(178, kind, 1), B)
 
 
-def test_a_turn_is_flown_at_the_waypoint_before() -> None:
-    route = flown(A, do(115, 90), B)
+def test_a_turn_is_executed_at_the_waypoint_before() -> None:
+    route = executed(A, do(115, 90), B)
     assert latitudes(route) == [47.1, 47.1, 47.2]
     assert yaws(route) == [None, EAST, None]
-    assert yaws(flown(do(115, 90), A, B)) == [EAST, None]
+    assert yaws(executed(do(115, 90), A, B)) == [EAST, None]
     route = routes.read(DATA / "yawcmd.plan")
     assert yaws(route) == [None, EAST, None]
     assert route.left_out == ["item 2: the rate and the side of the turn (flown by the smaller angle)"]
 
 
 def test_a_hold_after_a_turn_is_held_after_the_turn() -> None:
-    assert flown(waypoint(hold=1.0), do(115, 90), do(93, 4), B).holds_s == [1.0, 4.0, 0.0]
+    assert executed(waypoint(hold=1.0), do(115, 90), do(93, 4), B).holds_s == [1.0, 4.0, 0.0]
 
 
 def test_a_turn_without_a_heading_is_refused() -> None:
     with pytest.raises(RouteError, match=r"item 2: the heading .* is not given"):
-        flown(A, do(115, None), B)
+        executed(A, do(115, None), B)
 
 
 def test_a_turn_by_an_angle_is_refused() -> None:
     with pytest.raises(RouteError, match="item 2: it turns by an angle relative to a heading"):
-        flown(A, do(115, 90, 0, 1, 1), B)
+        executed(A, do(115, 90, 0, 1, 1), B)
 
 
 @pytest.mark.parametrize("what", [do(178, 1, 3), do(115, 90)], ids=["speed", "turn"])
 @pytest.mark.parametrize("condition", [112, 114])
 def test_what_takes_effect_amid_a_leg_is_refused(condition: int, what: dict[str, Any]) -> None:
     with pytest.raises(RouteError, match=r"item 3: it takes effect amid a leg \(item 2 delays it\)"):
-        flown(A, do(condition, 5), what, B)
+        executed(A, do(condition, 5), what, B)
     told = ["item 2: what its camera or payload waits for", "item 3: camera and gimbal"]
-    assert flown(A, do(condition, 5), do(2000), B, what, C).left_out == told
+    assert executed(A, do(condition, 5), do(2000), B, what, C).left_out == told
 
 
 # --- All other commands -----------------------------------------------------------------------------------------------
@@ -311,8 +311,8 @@ def test_what_takes_effect_amid_a_leg_is_refused(condition: int, what: dict[str,
         *((command, "the end of a region of interest") for command in (197, 201)),
     ],
 )
-def test_what_does_not_change_the_flight_is_told(command: int, what: str) -> None:
-    assert flown(A, do(command), B).left_out == [f"item 2: {what}"]
+def test_what_does_not_change_the_flight_is_reported(command: int, what: str) -> None:
+    assert executed(A, do(command), B).left_out == [f"item 2: {what}"]
 
 
 @pytest.mark.parametrize(
@@ -324,17 +324,17 @@ def test_what_does_not_change_the_flight_is_told(command: int, what: str) -> Non
 )
 def test_what_changes_the_flight_or_is_not_known_is_refused(command: int) -> None:
     with pytest.raises(RouteError, match=f"m.plan, item 2: .*MAVLink command {command}.*delete it"):
-        flown(A, do(command, 1), B)
+        executed(A, do(command, 1), B)
 
 
 @pytest.mark.parametrize("command", [80, 195, 201])
 def test_a_region_of_interest_is_refused(command: int) -> None:
     with pytest.raises(RouteError, match="item 2: UAL cannot fly a region of interest, which turns the nose"):
-        flown(A, item(command, [3, 0, 0, 0, 47.0, 8.0, 0]), B)
+        executed(A, item(command, [3, 0, 0, 0, 47.0, 8.0, 0]), B)
 
 
-def test_the_numbers_of_many_items_are_told_in_one_line() -> None:
-    route = flown(A, *[do(206, 5) for _ in range(8)], B)
+def test_the_numbers_of_many_items_are_reported_in_one_message() -> None:
+    route = executed(A, *[do(206, 5) for _ in range(8)], B)
     assert route.left_out == ["items 2, 3, 4, 5, 6 and 3 more: camera and gimbal"]
 
 
@@ -350,9 +350,9 @@ def test_the_numbers_of_many_items_are_told_in_one_line() -> None:
     ),
     st.sampled_from([PX4, ARDUPILOT, 0]),
 )
-def test_what_is_read_of_any_mission_can_be_flown(items: list[dict[str, Any]], firmware: int) -> None:
+def test_what_is_read_of_any_mission_can_be_executed(items: list[dict[str, Any]], firmware: int) -> None:
     with contextlib.suppress(RouteError):
-        route = flown(*items, firmware=firmware)
+        route = executed(*items, firmware=firmware)
         count = len(route.waypoints)
         assert 0 < count <= 10_000
         assert {len(route.leg_speeds_m_s), len(route.holds_s)} <= {0, count}

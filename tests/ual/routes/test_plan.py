@@ -25,7 +25,7 @@ def survey(*items: dict[str, Any], kind: str = "survey") -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("kind", ["survey", "CorridorScan"])
-def test_a_survey_is_flown_as_its_items(kind: str) -> None:
+def test_a_survey_is_executed_as_its_items(kind: str) -> None:
     lines = survey(waypoint(1, 2, 30), item(206, [5, 0, 1, 0, 0, 0, 0]), waypoint(1, 3, 30), kind=kind)
     route = routes.parse_plan(plan(lines), "m.plan")
     assert route.waypoints == [GeoWaypoint(1.0, 2.0, 30.0), GeoWaypoint(1.0, 3.0, 30.0)]
@@ -34,7 +34,7 @@ def test_a_survey_is_flown_as_its_items(kind: str) -> None:
     assert len(routes.read(DATA / "survey.plan").waypoints) == 3
 
 
-def test_what_cannot_be_flown_of_a_survey_is_refused_by_its_number() -> None:
+def test_what_cannot_be_executed_of_a_survey_is_refused_by_its_number() -> None:
     with pytest.raises(RouteError, match=r"m.plan, item 2.3: .*MAV_FRAME 10"):
         routes.parse_plan(plan(waypoint(), survey(waypoint(1, 2), do(206, 5), waypoint(1, 3, frame=10))), "m.plan")
 
@@ -50,7 +50,7 @@ def test_a_jump_over_a_survey_finds_its_item() -> None:
     assert [each.longitude_deg for each in found if isinstance(each, GeoWaypoint)] == [1, 2, 3, 4, 3, 4, 5]
 
 
-def test_a_fence_in_the_plan_is_said_to_be_left_out() -> None:
+def test_a_fence_in_the_plan_is_reported_to_be_left_out() -> None:
     fences: list[dict[str, Any]] = [
         {"geoFence": {"polygons": [{"inclusion": True}], "circles": []}},
         {"geoFence": {"polygons": [], "circles": [{}]}},
@@ -115,7 +115,7 @@ def test_what_is_no_plan_is_refused(text: str, message: str) -> None:
         ("roi.plan", r"item 2: UAL cannot fly a region of interest.*195"),
     ],
 )
-def test_a_file_that_cannot_be_flown_is_refused_with_its_item(name: str, message: str) -> None:
+def test_a_file_that_cannot_be_executed_is_refused_with_its_item(name: str, message: str) -> None:
     with pytest.raises(RouteError, match=f"{name}, {message}"):
         routes.read(DATA / name)
 

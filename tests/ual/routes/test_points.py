@@ -30,7 +30,7 @@ def kml(*placemarks: str, space: str = 'xmlns="http://www.opengis.net/kml/2.2"')
     return f'<?xml version="1.0" encoding="UTF-8"?>\n<kml {space}><Document><name>r</name>{marks}</Document></kml>'
 
 
-def line(coordinates: str = "8.5,47.4,30 8.6,47.5,40", mode: str = "absolute") -> str:
+def row(coordinates: str = "8.5,47.4,30 8.6,47.5,40", mode: str = "absolute") -> str:
     kind = f"<altitudeMode>{mode}</altitudeMode>" if mode else ""
     return f"<LineString>{kind}<coordinates>{coordinates}</coordinates></LineString>"
 
@@ -39,8 +39,8 @@ def line(coordinates: str = "8.5,47.4,30 8.6,47.5,40", mode: str = "absolute") -
 
 
 @pytest.mark.parametrize(("mode", "reference"), [("absolute", AMSL), ("relativeToGround", HOME)])
-def test_a_line_of_kml_gives_its_places(mode: str, reference: AltitudeReference) -> None:
-    route = read(kml(line("\n 8.5,47.4,30 8.6,47.5,40\n", mode)), "kml")
+def test_a_row_of_kml_gives_its_positions(mode: str, reference: AltitudeReference) -> None:
+    route = read(kml(row("\n 8.5,47.4,30 8.6,47.5,40\n", mode)), "kml")
     assert route.waypoints == [GeoWaypoint(47.4, 8.5, 30.0, reference), GeoWaypoint(47.5, 8.6, 40.0, reference)]
     told = ["the height of the ground: altitudes are taken as above home"]
     assert route.left_out == (told if mode == "relativeToGround" else [])
@@ -50,11 +50,11 @@ def test_a_line_of_kml_gives_its_places(mode: str, reference: AltitudeReference)
     "coordinates",
     ["8.5, 47.4, 30\n8.6, 47.5, 40", "8.5 ,47.4 ,30\t8.6 , 47.5 , 40", "\n8.5,47.4,30\n\n8.6,47.5,40\n"],
 )
-def test_spaces_beside_commas_are_read(coordinates: str) -> None:
-    assert read(kml(line(coordinates)), "kml").waypoints == [A, B]
+def test_spaces_next_to_commas_are_read(coordinates: str) -> None:
+    assert read(kml(row(coordinates)), "kml").waypoints == [A, B]
 
 
-def test_a_track_is_flown_without_its_times() -> None:
+def test_a_track_is_executed_without_its_times() -> None:
     route = routes.read(DATA / "track.kml")
     assert route.waypoints == [
         GeoWaypoint(37.4117, -6.0013, 30.0, AMSL),
@@ -64,30 +64,30 @@ def test_a_track_is_flown_without_its_times() -> None:
 
 
 @pytest.mark.parametrize("mode", ["", "clampToGround", "clampToSeaFloor", "relativeToSeaFloor", "absolut"])
-def test_a_line_at_no_height_to_fly_at_needs_an_altitude(mode: str) -> None:
-    text = kml(line("8.5,47.4 8.6,47.5,0", mode))
+def test_a_row_at_no_height_to_fly_at_needs_an_altitude(mode: str) -> None:
+    text = kml(row("8.5,47.4 8.6,47.5,0", mode))
     assert read(text, "kml", altitude_m=25.0).waypoints == [GeoWaypoint(47.4, 8.5, 25.0), GeoWaypoint(47.5, 8.6, 25.0)]
     with pytest.raises(RouteError, match=rf"altitudeMode '{mode or 'clampToGround'}', .*give an altitude above home"):
         read(text, "kml")
 
 
-def test_an_altitude_that_is_given_is_flown_and_said() -> None:
-    route = read(kml(line()), "kml", altitude_m=25.0)
+def test_an_altitude_that_is_passed_is_executed_and_reported() -> None:
+    route = read(kml(row()), "kml", altitude_m=25.0)
     assert [each.altitude_m for each in route.waypoints if isinstance(each, GeoWaypoint)] == [25.0, 25.0]
     assert route.left_out == ["the altitudes of the file: all is flown 25 m above home"]
     with pytest.raises(RouteError, match="says itself what its altitudes count from: leave out --reference"):
-        read(kml(line()), "kml", altitude_reference=HOME)
+        read(kml(row()), "kml", altitude_reference=HOME)
 
 
-def test_an_altitude_that_one_place_lacks_is_asked_for() -> None:
+def test_an_altitude_that_one_position_lacks_is_requested() -> None:
     with pytest.raises(RouteError, match=r"mix2.kml, place 2: it has no altitude: give an altitude above home"):
         routes.read(DATA / "mix2.kml")
     assert len(routes.read(DATA / "mix2.kml", altitude_m=20.0).waypoints) == 2
 
 
-def test_one_line_among_other_things_is_flown_and_they_are_told() -> None:
+def test_one_message_among_other_things_is_executed_and_they_are_reported() -> None:
     point, polygon = "<Point><coordinates>8,47</coordinates></Point>", "<Polygon><outerBoundaryIs/></Polygon>"
-    route = read(kml(point, f"<MultiGeometry>{line()}{polygon}</MultiGeometry>", point), "kml")
+    route = read(kml(point, f"<MultiGeometry>{row()}{polygon}</MultiGeometry>", point), "kml")
     assert route.waypoints == [A, B]
     assert route.left_out == ["2 points and 1 polygon"]
 
@@ -103,20 +103,20 @@ def test_one_line_among_other_things_is_flown_and_they_are_told() -> None:
         ),
         (kml("<Polygon/>"), r"has 0 lines .* \(it has 1 polygon\)"),
         (
-            kml("<name>a</name>" + line(), "<name>b</name>" + line()),
+            kml("<name>a</name>" + row(), "<name>b</name>" + row()),
             r"has 2 lines \(LineString\) \('a', 'b'\); .* keep one",
         ),
-        (kml(line() + line()), "has 2 lines"),
+        (kml(row() + row()), "has 2 lines"),
         (kml("<LineString><altitudeMode>absolute</altitudeMode></LineString>"), "has a line without coordinates"),
-        (kml(line("8,47")), "place 1: it has no altitude"),
-        (kml(line("8")), "place 1: '8' is not LONGITUDE,LATITUDE,ALTITUDE"),
-        (kml(line("8,47,3,4")), "place 1: '8,47,3,4' is not"),
-        (kml(line("8,,47")), "has coordinates with a comma too many"),
-        (kml(line(",8,47")), "has coordinates with a comma too many"),
-        (kml(line("8,47,30 8,1_0,30")), "place 2: its '8,1_0,30': '1_0' is not a decimal number"),
-        (kml(line("8,47,nan")), "place 1: .*'nan' is not a decimal number"),
-        (kml(line("8,47,30 0,0,30")), "place 2: latitude 0, longitude 0 is a position that was not set"),
-        (kml(line("47,139,30")), "place 1: latitude 139, longitude 47 is not on Earth .*: are the two swapped"),
+        (kml(row("8,47")), "place 1: it has no altitude"),
+        (kml(row("8")), "place 1: '8' is not LONGITUDE,LATITUDE,ALTITUDE"),
+        (kml(row("8,47,3,4")), "place 1: '8,47,3,4' is not"),
+        (kml(row("8,,47")), "has coordinates with a comma too many"),
+        (kml(row(",8,47")), "has coordinates with a comma too many"),
+        (kml(row("8,47,30 8,1_0,30")), "place 2: its '8,1_0,30': '1_0' is not a decimal number"),
+        (kml(row("8,47,nan")), "place 1: .*'nan' is not a decimal number"),
+        (kml(row("8,47,30 0,0,30")), "place 2: latitude 0, longitude 0 is a position that was not set"),
+        (kml(row("47,139,30")), "place 1: latitude 139, longitude 47 is not on Earth .*: are the two swapped"),
     ],
 )
 def test_kml_that_is_no_route_is_refused(text: str, message: str) -> None:
@@ -125,7 +125,7 @@ def test_kml_that_is_no_route_is_refused(text: str, message: str) -> None:
 
 
 @pytest.mark.parametrize("name", ["points.kml", "poly.kml", "two.kml", "gxmode.kml"])
-def test_a_file_without_a_line_to_fly_is_refused(name: str) -> None:
+def test_a_file_without_a_row_to_fly_is_refused(name: str) -> None:
     with pytest.raises(RouteError, match=f"{name} has (a line|[02] lines)"):
         routes.read(DATA / name)
 
@@ -155,9 +155,9 @@ def test_a_large_file_is_read_in_a_time_that_grows_with_its_size() -> None:
     """No part of a reader is quadratic: this takes a second, and would take hours."""
     began_s = time.process_time()
     for text in (
-        kml(line(" " * 1_000_000 + "8.5,47.4,30")),
+        kml(row(" " * 1_000_000 + "8.5,47.4,30")),
         "<kml>" + "<a>" * 100_000 + "</a>" * 100_000 + "</kml>",
-        kml(line(",".join("1" * 300_000))),
+        kml(row(",".join("1" * 300_000))),
     ):
         try:
             read(text, "kml")
@@ -178,10 +178,10 @@ def kmz(**files: str) -> bytes:
 
 
 def test_a_kmz_is_read_whatever_its_ending() -> None:
-    for data in (kmz(doc_kml=kml(line())), kmz(route_kml=kml(line()), icon_png="x")):
+    for data in (kmz(doc_kml=kml(row())), kmz(route_kml=kml(row()), icon_png="x")):
         for ending in ("kmz", "kml", "zip"):
             assert read(data, ending).waypoints == [A, B]
-    assert read(kmz(other_kml=kml(line(), line()), doc_kml=kml(line())), "kmz").waypoints == [A, B]
+    assert read(kmz(other_kml=kml(row(), row()), doc_kml=kml(row())), "kmz").waypoints == [A, B]
     assert len(routes.read(DATA / "a.kmz").waypoints) == 2
 
 
@@ -199,7 +199,7 @@ def bomb() -> bytes:
         (kmz(a_kml="", b_kml=""), "has 2 KML files and no doc.kml"),
         (kmz(doc_kml="<kml>" + " " * 20_000_001), "is too large for a route"),
         (bomb(), "cannot|not valid XML|can be unpacked"),
-        (kmz(doc_kml=kml(line()))[:60], "is not a KMZ that can be unpacked"),
+        (kmz(doc_kml=kml(row()))[:60], "is not a KMZ that can be unpacked"),
         (kmz(waylines_wpml="", template_kml=""), r"is a mission of DJI \(WPML\)"),
         (kmz(doc_kml="<kml/>"), "has 0 lines"),
     ],
@@ -211,7 +211,7 @@ def test_a_kmz_that_is_no_route_is_refused(data: bytes, message: str) -> None:
 
 
 def test_a_kmz_with_a_damaged_content_is_refused() -> None:
-    data = bytearray(kmz(doc_kml=kml(line())))
+    data = bytearray(kmz(doc_kml=kml(row())))
     data[60] ^= 0xFF
     with pytest.raises(RouteError, match="is not a KMZ that can be unpacked"):
         read(bytes(data), "kmz")
@@ -248,7 +248,7 @@ def test_the_route_or_track_of_a_gpx_is_read(text: str, left_out: list[str], ver
     assert flat.left_out[-1] == "the altitudes of the file: all is flown 20 m above home"
 
 
-def test_an_empty_part_of_a_gpx_is_no_line() -> None:
+def test_an_empty_part_of_a_gpx_is_no_row() -> None:
     text = gpx(f"<rte/><trk><trkseg/><trkseg>{points('trkpt')}</trkseg></trk>")
     assert read(text, "gpx", altitude_reference=AMSL).waypoints == [A, B]
 
@@ -284,7 +284,7 @@ def test_gpx_that_is_no_route_is_refused(text: str, message: str) -> None:
 
 
 @pytest.mark.parametrize(("lat", "lon"), [("0", "0"), ("91", "8"), ("8", "181")])
-def test_a_place_of_a_gpx_that_is_none_is_refused(lat: str, lon: str) -> None:
+def test_a_position_of_a_gpx_that_is_none_is_refused(lat: str, lon: str) -> None:
     text = gpx(f'<rte><rtept lat="{lat}" lon="{lon}"><ele>8</ele></rtept></rte>')
     with pytest.raises(RouteError, match=r"r.gpx, line 1: latitude"):
         read(text, "gpx", altitude_reference=AMSL)
@@ -321,14 +321,14 @@ def collection(*features: object, **more: Any) -> dict[str, Any]:
         (collection(feature(LINE), crs={"type": "name", "properties": {"name": "urn:ogc:def:crs:OGC:1.3:CRS84"}}), []),
     ],
 )
-def test_the_line_of_a_geojson_is_read_longitude_first(document: object, left_out: list[str]) -> None:
+def test_the_row_of_a_geojson_is_read_longitude_first(document: object, left_out: list[str]) -> None:
     for ending in ("geojson", "json", "txt"):
         route = read(json.dumps(document), ending, altitude_reference=ELLIPSOID)
         assert route.waypoints == [GeoWaypoint(47.4, 8.5, 30.0, ELLIPSOID), GeoWaypoint(47.5, 8.6, 40.0, ELLIPSOID)]
         assert route.left_out == left_out
 
 
-def geo_line(*coordinates: object) -> dict[str, Any]:
+def geo_path(*coordinates: object) -> dict[str, Any]:
     return {"type": "LineString", "coordinates": list(coordinates)}
 
 
@@ -336,14 +336,14 @@ def geo_line(*coordinates: object) -> dict[str, Any]:
     ("document", "message"),
     [
         (LINE, "does not say what its altitudes count from, .*--reference .*--altitude"),
-        (geo_line([8.5, 47.4]), "position 1: it has no altitude: give an altitude"),
-        (geo_line([8.5, 47.4, 30], [8.6, 47.5]), "position 2: it has no altitude"),
-        (geo_line([0, 0, 30]), "does not say"),
-        (geo_line([8.5]), r"position 1: '\[8.5\]' is not \[LONGITUDE, LATITUDE, ALTITUDE\]"),
-        (geo_line(["8", 47, 3]), "position 1: a coordinate is '8', not a number"),
-        (geo_line([8, float("nan"), 3]), "position 1: a coordinate is NaN, which JSON does not have"),
-        (geo_line([8, None, 3]), "position 1: a coordinate is not given"),
-        (geo_line(), "has a line without coordinates"),
+        (geo_path([8.5, 47.4]), "position 1: it has no altitude: give an altitude"),
+        (geo_path([8.5, 47.4, 30], [8.6, 47.5]), "position 2: it has no altitude"),
+        (geo_path([0, 0, 30]), "does not say"),
+        (geo_path([8.5]), r"position 1: '\[8.5\]' is not \[LONGITUDE, LATITUDE, ALTITUDE\]"),
+        (geo_path(["8", 47, 3]), "position 1: a coordinate is '8', not a number"),
+        (geo_path([8, float("nan"), 3]), "position 1: a coordinate is NaN, which JSON does not have"),
+        (geo_path([8, None, 3]), "position 1: a coordinate is not given"),
+        (geo_path(), "has a line without coordinates"),
         ({"type": "LineString"}, "has a line without coordinates"),
         (POINT, r"has 0 lines \(LineString\) \(it has 1 point\); a route needs exactly one: draw the way as one line"),
         (
@@ -365,7 +365,7 @@ def test_geojson_that_is_no_route_is_refused(document: object, message: str) -> 
 @pytest.mark.parametrize("position", [[0, 0, 30], [47, 139, 30], [500_000, 4_100_000, 30]])
 def test_a_position_of_a_geojson_that_is_none_is_refused(position: list[float]) -> None:
     with pytest.raises(RouteError, match=r"r.geojson, position 1: latitude"):
-        read(json.dumps(geo_line(position)), "geojson", altitude_reference=AMSL)
+        read(json.dumps(geo_path(position)), "geojson", altitude_reference=AMSL)
 
 
 def test_the_geojson_of_the_issue_is_read() -> None:

@@ -72,7 +72,7 @@ def test_a_column_of_headings_is_read() -> None:
 
 @pytest.mark.parametrize("line", ["{},0,3", "0,{},3", "0,0,{}", "0,0,3,{}", "0;0;{}"])
 @pytest.mark.parametrize("text", ["1_000", "nan", "infinity", "１", "0x1F", ""])
-def test_a_line_with_what_is_no_number_is_refused(line: str, text: str) -> None:
+def test_a_row_with_what_is_no_number_is_refused(line: str, text: str) -> None:
     with pytest.raises(RouteError, match=r"points, line 2: .* is not a waypoint: write X,Y,Z\[,YAW\]"):
         routes.parse_waypoints(f"0,0,3\n{line.format(text)}\n", "points")
 
@@ -109,7 +109,7 @@ def test_a_list_that_means_something_else_is_refused(text: str, message: str) ->
         routes.parse_list(text, "points")
 
 
-def test_waypoints_one_a_line_may_hold() -> None:
+def test_waypoints_one_a_row_may_hold() -> None:
     lines = '0,0,3\n{"x": 1, "y": 0, "z": 3, "hold_s": 2.5}\n'
     assert routes.parse_list(lines, "points").holds_s == [0.0, 2.5]
     assert routes.parse_list("0,0,3\n", "points").holds_s == ()

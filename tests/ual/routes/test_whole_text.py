@@ -129,7 +129,7 @@ SIGNS = "".join(set(string.punctuation + string.whitespace) - set("_-+.#")) + "\
 
 @pytest.mark.parametrize("name", TABLES)
 @given(st.data())
-def test_another_sign_gives_the_same_way_or_a_refusal(name: str, data: st.DataObject) -> None:
+def test_another_sign_gives_the_same_manner_or_a_refusal(name: str, data: st.DataObject) -> None:
     """No digit and no decimal sign is changed: what is read otherwise then was never written."""
     text = TABLES[name]
     decimal = "," if name == "b.csv" else "."
@@ -148,7 +148,7 @@ def test_another_sign_gives_the_same_way_or_a_refusal(name: str, data: st.DataOb
 
 
 @pytest.mark.parametrize("name", ["a.waypoints"])
-def test_a_column_that_is_missing_or_doubled_is_refused_with_its_line(name: str) -> None:
+def test_a_column_that_is_missing_or_doubled_is_refused_with_its_row(name: str) -> None:
     lines = TABLES[name].splitlines()
     for at, line in enumerate(lines[1:], start=1):
         fields = line.split("\t")

@@ -51,7 +51,7 @@ def test_the_header_says_what_it_is_whatever_its_ending() -> None:
     assert len(read(text.replace("\t", " \t", 5)).waypoints) == 1
 
 
-def test_a_command_in_the_place_of_home_is_carried_out() -> None:
+def test_a_command_instead_of_home_is_carried_out() -> None:
     route = read(wpl((3, 22, 0, 0, 0, 0, 0, 0, 8), A))
     assert (len(route.waypoints), route.left_out) == (1, ["item 0: take-off"])
 
@@ -63,7 +63,7 @@ def test_a_jump_goes_to_a_number_of_the_file() -> None:
         read(wpl(HOME, A, B, (3, 177, 0, 2, 0, 0, 0, 0, 0)))
 
 
-def test_parameters_that_are_not_given_are_those_of_px4() -> None:
+def test_parameters_that_are_not_passed_are_those_of_px4() -> None:
     """MAVROS and old QGroundControls write them for PX4, which turns to north by 0."""
     nowhere = (3, 16, 0, 0, 0, "nan", 37.4118, -6.0013, 8)
     north = (3, 16, 0, 0, 0, 0, 37.4118, -6.0012, 8)
@@ -102,6 +102,6 @@ def test_an_old_file_of_qgroundcontrol_has_no_home_and_has_headings() -> None:
         (wpl(HOME, A).replace("\n1\t", "\n0\t"), "line 3, item 0: its number comes after 0"),
     ],
 )
-def test_a_file_that_cannot_be_flown_is_refused_with_its_line(text: str, message: str) -> None:
+def test_a_file_that_cannot_be_executed_is_refused_with_its_row(text: str, message: str) -> None:
     with pytest.raises(RouteError, match=f"m.waypoints,? {message}"):
         read(text)

@@ -138,7 +138,9 @@ def test_a_callback_that_took_long_has_a_worker_until_it_was_quick_for_a_while()
     listener.close()
 
 
-def test_what_is_offered_to_one_that_waits_behind_another_in_a_worker_frees_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_available_to_one_that_waits_behind_another_in_a_worker_frees_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     group = Callbacks()
     stuck, waiting = Subscriber(group), Subscriber(group)
     stuck.may_return.clear()

@@ -50,7 +50,7 @@ def test_the_manual_lists_those_of_clients() -> None:
 
 
 @pytest.mark.parametrize(("name", "said"), MISSPELLED)
-def test_a_misspelled_one_is_told_with_what_was_meant(name: str, said: str) -> None:
+def test_a_misspelled_one_is_reported_with_what_was_meant(name: str, said: str) -> None:
     assert environment.mistake_in({"UAL_NS": "uav_1", name: "x"}) == said
 
 
@@ -59,7 +59,7 @@ def test_those_of_programs_of_ual_of_tests_and_of_others_are_let_be() -> None:
     assert environment.mistake_in(known) == ""
 
 
-def test_a_program_beside_ual_may_have_its_own() -> None:
+def test_a_program_next_to_ual_may_have_its_own() -> None:
     given = {
         "UAL_SURVEY_DIR": "/data",
         "UAL_SURVEY_SPEED": "3",

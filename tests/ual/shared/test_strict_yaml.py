@@ -43,7 +43,7 @@ def test_an_empty_text_has_no_value() -> None:
         (nested(50_000), 1, "values are nested too deeply"),
     ],
 )
-def test_what_is_refused_is_told_with_its_line(data: bytes, line: int, why: str) -> None:
+def test_what_is_refused_is_reported_with_its_row(data: bytes, line: int, why: str) -> None:
     with pytest.raises(YamlError) as refused:
         strict_yaml.value(strict_yaml.read(data))
     assert str(refused.value).startswith(why)

@@ -23,7 +23,7 @@ def test_a_wait_that_is_cancelled_as_it_ends_is_cancelled() -> None:
     asyncio.run(program())
 
 
-def test_what_is_given_up_has_ended() -> None:
+def test_what_is_abandoned_has_ended() -> None:
     async def program() -> None:
         assert not await ends_within(asyncio.Event().wait(), 0.01)
         assert len(asyncio.all_tasks()) == 1
@@ -37,8 +37,8 @@ def test_what_is_given_up_has_ended() -> None:
 
 
 def test_what_fails_in_time_raises() -> None:
-    async def asked() -> None:
+    async def requests_made() -> None:
         raise ValueError("no")
 
     with pytest.raises(ValueError, match="no"):
-        asyncio.run(ends_within(asked(), LIMIT_S))
+        asyncio.run(ends_within(requests_made(), LIMIT_S))

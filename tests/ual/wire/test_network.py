@@ -36,7 +36,7 @@ def test_a_uav_takes_about_300_bytes() -> None:
     assert 100 < both < 300
 
 
-def test_what_is_told_is_the_small_part() -> None:
+def test_what_is_reported_is_the_small_part() -> None:
     whole = Telemetry(
         **{**{name: getattr(telemetry(), name) for name in ("state", "transform", "battery")}, "gps": None}
     )
@@ -63,7 +63,7 @@ def test_a_rate_that_is_none_is_refused(rate_hz: float) -> None:
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
-def test_a_place_that_is_no_number_is_refused(value: float) -> None:
+def test_a_position_that_is_no_number_is_refused(value: float) -> None:
     message = pb.NetworkReport.FromString(report_to_bytes(report()))
     message.uavs[0].telemetry.transform.translation.y = value
     with pytest.raises(ValueError, match="it tells of numbers that are none"):

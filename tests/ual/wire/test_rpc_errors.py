@@ -198,11 +198,11 @@ def test_nobody_there_says_where_and_what_to_do() -> None:
         ("", "(no answer): see whether the daemon, or the gateway to it, runs there"),
     ],
 )
-def test_why_nobody_answers_is_told_in_plain_words(details: str, says: str) -> None:
+def test_why_nobody_answers_is_reported_in_plain_words(details: str, says: str) -> None:
     assert says in rpc_errors.unreachable("host:1", "", details).message
 
 
-def test_where_a_daemon_is_expected_it_is_said_how_to_start_it() -> None:
+def test_where_a_daemon_is_expected_it_is_reported_how_to_start_it() -> None:
     """Behind a gateway that has ended, a daemon more would help nobody."""
     assert "start one with `ual-daemon --ns uav_7`" in rpc_errors.unreachable("127.0.0.1:50057", "uav_7").message
     assert "start one with `ual-daemon`" in rpc_errors.unreachable("127.0.0.1:50051", "").message
@@ -211,7 +211,7 @@ def test_where_a_daemon_is_expected_it_is_said_how_to_start_it() -> None:
     assert "start one" not in gateway
 
 
-def test_a_wrong_name_is_told_with_the_names_that_run(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_wrong_name_is_reported_with_the_names_that_run(monkeypatch: pytest.MonkeyPatch) -> None:
     running = [Registration(f"uav_{i}", 1, f"127.0.0.1:{50050 + i}", "light", 0.0) for i in range(1, 9)]
     monkeypatch.setattr(discovery, "list_daemons", lambda: running[:2])
     assert "; uav_1, uav_2 run here: see whether" in rpc_errors.unreachable("127.0.0.1:1", "uva_1").message

@@ -32,7 +32,7 @@ def test_an_error_comes_once_the_last_has_ended() -> None:
         found.result(0)
 
 
-def test_cancelling_goes_both_ways() -> None:
+def test_cancelling_goes_both_directions() -> None:
     first: Future[int] = Future()
     last: Future[int] = Future()
     together([first, last]).cancel()

@@ -78,7 +78,7 @@ class Watched:
     def until(self, condition: Callable[[], object]) -> None:
         until(condition, seen=lambda: self.updates[-1:])
 
-    def is_heard(self) -> bool:
+    def is_received(self) -> bool:
         found = self.updates[-1:]
         return bool(found) and estimate(found[0], self.backend.freshness).state is not State.UNINITIALIZED
 
@@ -97,9 +97,9 @@ def test_all_are_here() -> None:
     assert set(MAKERS) == set(registry._BUILT_IN)
 
 
-def test_each_update_says_when_the_backend_last_looked_for_data(watched: Watched) -> None:
+def test_each_update_says_when_the_backend_last_sought_data(watched: Watched) -> None:
     """Else the guard against a starved computer (`AirsimSetpointSender`) is off."""
-    watched.until(watched.is_heard)
+    watched.until(watched.is_received)
     heard_count = len(watched.updates)
     watched.until(lambda: len(watched.updates) > heard_count + 20)
     for update in watched.updates[1:]:
@@ -121,17 +121,17 @@ def test_the_newest_data_and_the_time_are_what_a_snapshot_is_made_of(watched: Wa
         return before.at(0.0) == newest.at(0.0) == after.at(0.0)  # else an update has come meanwhile
 
     backend = watched.backend
-    watched.until(watched.is_heard)
+    watched.until(watched.is_received)
     watched.until(are_the_same)
 
 
-def test_whatever_is_asked_of_one_that_is_closed_ends(watched: Watched) -> None:
-    watched.until(watched.is_heard)
+def test_whatever_is_queried_of_one_that_is_closed_ends(watched: Watched) -> None:
+    watched.until(watched.is_received)
     backend = watched.backend
     backend.close()
     commands = [backend.arm, backend.disarm, backend.take_control, backend.hold]
     commands += [lambda: backend.take_off(2.0, Limits()), lambda: backend.land(Limits())]
-    asked: list[Callable[[], Future[Any]]] = [*commands, *offered(backend)]
+    asked: list[Callable[[], Future[Any]]] = [*commands, *drivers(backend)]
     for ask in asked:
         with suppress(UalError):  # it may be refused at once, too
             ended = ask()
@@ -139,7 +139,7 @@ def test_whatever_is_asked_of_one_that_is_closed_ends(watched: Watched) -> None:
             ended.exception(0)
 
 
-def offered(backend: Backend) -> Iterator[Callable[[], Future[Any]]]:
+def drivers(backend: Backend) -> Iterator[Callable[[], Future[Any]]]:
     """Yields what reads or orders something beside flying."""
     parameters = backend.offer(AutopilotParameters)  # type: ignore[type-abstract]
     logs = backend.offer(AutopilotLogs)  # type: ignore[type-abstract]

@@ -12,7 +12,7 @@ from ual.errors import LinkLostError, UalError, UalTimeoutError
 from ual_daemon.backends import futures
 
 
-def test_what_does_not_end_in_time_is_withdrawn_and_said() -> None:
+def test_what_does_not_end_in_time_is_withdrawn_and_reported() -> None:
     future: Future[None] = Future()
     with pytest.raises(UalTimeoutError, match=r"^it is late"):
         futures.wait(future, 0.0, "it is late")

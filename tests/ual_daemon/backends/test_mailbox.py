@@ -71,7 +71,7 @@ def velocity(x: float) -> VelocitySetpoint:
     return VelocitySetpoint(Vector3(x))
 
 
-def test_who_settles_waits_for_the_setpoint_that_is_on_its_way(mailbox: SetpointMailbox, autopilot: Autopilot) -> None:
+def test_who_settles_waits_for_the_setpoint_that_is_en_route(mailbox: SetpointMailbox, autopilot: Autopilot) -> None:
     mailbox.put(velocity(1.0))
     assert autopilot.next() == 1.0
     mailbox.put(velocity(2.0))

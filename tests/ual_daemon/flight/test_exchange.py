@@ -137,7 +137,7 @@ class World:
         task.future.add_done_callback(lambda _: self.ended.append(task))
         return task
 
-    def _given(self, command: Callable[[], object]) -> None:
+    def _passed(self, command: Callable[[], object]) -> None:
         """Gives a command without a lease. It is refused from when the lease is held, or UAL shuts down."""
         must_fail = self.flight.is_closing or self.flight.lease.info is not None
         try:
@@ -147,16 +147,16 @@ class World:
         assert not must_fail
 
     def go(self) -> None:
-        self._given(partial(self.flight.begin, Scripted(self._new_task(), self._x_m(), 2), CommandOrigin()))
+        self._passed(partial(self.flight.begin, Scripted(self._new_task(), self._x_m(), 2), CommandOrigin()))
 
     def go_in_two_parts(self) -> None:
         task = self._new_task()
         second = Scripted(task, self._x_m(), 1)
-        self._given(partial(self.flight.begin, Scripted(task, self._x_m(), 2, second), CommandOrigin()))
+        self._passed(partial(self.flight.begin, Scripted(task, self._x_m(), 2, second), CommandOrigin()))
 
     def set_pose(self) -> None:
         hold = Hold(Vector3(self._x_m(), 0.0, HEIGHT_M), 0.0)
-        self._given(partial(self.flight.begin_reference, hold, "set_pose", self.wire.now, CommandOrigin()))
+        self._passed(partial(self.flight.begin_reference, hold, "set_pose", self.wire.now, CommandOrigin()))
 
     def cancel_newest(self) -> None:
         if self.tasks:
@@ -226,7 +226,7 @@ def check(world: World) -> None:
         assert flown is None or flown.name in ("lease", "stop")
 
 
-def at_each_line(vehicle: Vehicle, prepare: list[str], first: str, second: str) -> Iterator[World]:
+def at_each_statement(vehicle: Vehicle, prepare: list[str], first: str, second: str) -> Iterator[World]:
     """The worlds in which `first` is interrupted at each of its lines, and `second` then runs to its end."""
     lines_count = interrupted_after = 0
     while interrupted_after <= lines_count:
@@ -252,21 +252,21 @@ SITUATIONS = {
 
 @pytest.mark.parametrize("command", ["go", "set_pose"])
 @pytest.mark.parametrize("situation", SITUATIONS)
-def test_a_command_during_an_update_is_what_is_flown_after(vehicle: Vehicle, situation: str, command: str) -> None:
-    for world in at_each_line(vehicle, SITUATIONS[situation], "update", command):
+def test_a_command_during_an_update_is_what_is_executed_after(vehicle: Vehicle, situation: str, command: str) -> None:
+    for world in at_each_statement(vehicle, SITUATIONS[situation], "update", command):
         assert x_of(world.flown.manoeuvre) == world.newest_x_m
 
 
 @pytest.mark.parametrize("command", ["go", "set_pose"])
 @pytest.mark.parametrize("situation", SITUATIONS)
 def test_an_update_during_a_command_changes_nothing(vehicle: Vehicle, situation: str, command: str) -> None:
-    for world in at_each_line(vehicle, SITUATIONS[situation], command, "update"):
+    for world in at_each_statement(vehicle, SITUATIONS[situation], command, "update"):
         assert x_of(world.flown.manoeuvre) == world.newest_x_m
 
 
 @pytest.mark.parametrize("situation", ["it steps", "it ends", "it hands over"])
-def test_a_task_that_is_paused_during_an_update_is_flown_on(vehicle: Vehicle, situation: str) -> None:
-    for world in at_each_line(vehicle, SITUATIONS[situation], "update", "pause"):
+def test_a_task_that_is_paused_during_an_update_continues(vehicle: Vehicle, situation: str) -> None:
+    for world in at_each_statement(vehicle, SITUATIONS[situation], "update", "pause"):
         flown = world.flown.manoeuvre
         for task in world.paused:
             assert flown is not None
@@ -275,14 +275,14 @@ def test_a_task_that_is_paused_during_an_update_is_flown_on(vehicle: Vehicle, si
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_one_of_two_callers_comes_first(vehicle: Vehicle, command: str) -> None:
-    for world in at_each_line(vehicle, ["go"], "set_pose", command):
+    for world in at_each_statement(vehicle, ["go"], "set_pose", command):
         assert world.tasks[0].future.done()
 
 
 @pytest.mark.parametrize("end", ["lease", "shut_down", "cancel_newest"])
 @pytest.mark.parametrize("situation", SITUATIONS)
 def test_what_ends_a_task_during_an_update_ends_it(vehicle: Vehicle, situation: str, end: str) -> None:
-    for world in at_each_line(vehicle, SITUATIONS[situation], "update", end):
+    for world in at_each_statement(vehicle, SITUATIONS[situation], "update", end):
         assert all(task.future.done() for task in world.tasks)
 
 
@@ -322,7 +322,7 @@ class Refitted(Scripted):
 
 
 @pytest.mark.parametrize("is_taken", [True, False])
-def test_the_autopilot_is_not_told_to_hold_over_a_pilot_who_has_just_taken_over(
+def test_the_autopilot_is_not_reported_to_hold_over_a_pilot_who_has_just_taken_over(
     vehicle: Vehicle, is_taken: bool
 ) -> None:
     """The world changed in the half second in which it is found out who has chosen the mode."""

@@ -32,7 +32,7 @@ def begin(uav: Stepped, what: str) -> object:
 
 
 @pytest.mark.parametrize("what", ["hold", "go_to", "velocity", "land"])
-def test_a_fall_is_told_ends_what_flies_and_nothing_climbs_by_itself(flying: Stepped, what: str) -> None:
+def test_a_fall_is_reported_ends_what_flies_and_nothing_climbs_by_itself(flying: Stepped, what: str) -> None:
     task = begin(flying, what)
     flying.run(0.3)
     fault = flying.sim.begin_fault(MotorsWeak(0.0))

@@ -56,7 +56,7 @@ def watch() -> Following:
     return Following(cast("Backend", SimpleNamespace(info=lambda: info)))
 
 
-def flown(frames: Frames) -> Iterator[tuple[Snapshot, Harness]]:
+def executed(frames: Frames) -> Iterator[tuple[Snapshot, Harness]]:
     harness = Harness()
     waiting = iter(frames)
     frame = next(waiting, None)
@@ -73,7 +73,7 @@ def flown(frames: Frames) -> Iterator[tuple[Snapshot, Harness]]:
 @pytest.mark.parametrize("name", NAMES)
 def test_no_recorded_flight_falls(name: str, way: Callable[[Frames], Frames]) -> None:
     following, states = watch(), set()
-    for snapshot, harness in flown(way(load(name).frames)):
+    for snapshot, harness in executed(way(load(name).frames)):
         found = estimate(snapshot, harness.session.dialect.freshness)
         states.add(found.state)
         following.observe(snapshot, found, None)

@@ -366,7 +366,7 @@ def test_a_mission_that_is_not_known_to_be_taken_goes_on_unseen(
 
 
 @pytest.mark.parametrize(("hidden", "before"), [(NO_POSITION, ["hold"]), (("mode",), [])])
-def test_a_mission_that_goes_on_unseen_is_stopped_for_a_lease_once_it_is_seen(
+def test_a_mission_that_goes_on_unseen_is_stopped_for_a_lease_once_it_is_observed(
     world: World, hidden: tuple[str, ...], before: list[str]
 ) -> None:
     world.wire.hidden = hidden
@@ -453,7 +453,7 @@ def test_without_a_position_the_autopilot_holds_until_ual_takes_it_back(world: W
     assert world.state is State.FLYING_AUTO
 
 
-def test_a_hold_without_a_position_that_is_refused_is_told_with_what_to_do(
+def test_a_hold_without_a_position_that_is_refused_is_reported_with_what_to_do(
     world: World, caplog: pytest.LogCaptureFixture
 ) -> None:
     stop_without_position(world)
@@ -495,7 +495,7 @@ def test_a_shutdown_waits_for_a_stop_without_a_position_only_until_the_autopilot
         )
 
 
-def test_a_shutdown_waits_for_a_stop_that_is_seen_again_in_time(world: World) -> None:
+def test_a_shutdown_waits_for_a_stop_that_is_observed_again_in_time(world: World) -> None:
     stop_without_position(world)
     ended = world.flight.prepare_shutdown()
     world.run(4.0)
@@ -623,7 +623,7 @@ def test_what_replaces_a_stop_that_has_lifted_off_is_still_of_its_mission() -> N
 
 
 @pytest.mark.parametrize(("is_stopped", "text"), [(False, r"stop it first \(abort\)"), (True, "is being stopped")])
-def test_a_reference_is_told_whether_the_mission_is_flown_or_being_stopped(
+def test_a_reference_is_reported_whether_the_mission_is_executed_or_being_stopped(
     world: World, is_stopped: bool, text: str
 ) -> None:
     """Just after an abort the reason was that the mission had to be aborted."""
@@ -667,7 +667,7 @@ def test_a_pilot_who_goes_back_to_the_mode_in_which_it_began_on_the_ground_is_na
         mission.future.result(0)
 
 
-def test_the_hold_of_a_pause_that_shows_after_the_next_start_is_not_told_as_others(world: World) -> None:
+def test_the_hold_of_a_pause_that_shows_after_the_next_start_is_not_reported_as_others(world: World) -> None:
     """Three programs commanded on a real ArduCopter: "others have just chosen mode BRAKE over the mission"."""
 
     def begin() -> AutopilotMission:

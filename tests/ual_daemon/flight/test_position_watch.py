@@ -61,7 +61,7 @@ class Flight:
         return self.watch.trouble
 
 
-def test_a_lost_fix_is_told_within_half_a_second_and_tasks_wait() -> None:
+def test_a_lost_fix_is_reported_within_half_a_second_and_tasks_wait() -> None:
     flight = Flight()
     assert not flight.passes(5.0)
     flight.fix = GpsFix.NONE
@@ -89,7 +89,7 @@ def test_it_is_over_when_the_fix_is_back_for_a_second() -> None:
     assert not flight.passes(0.4)
 
 
-def test_it_is_told_on_while_the_autopilot_has_no_position_and_ends_on_the_ground() -> None:
+def test_it_is_reported_on_while_the_autopilot_has_no_position_and_ends_on_the_ground() -> None:
     flight = Flight()
     flight.passes(5.0)
     flight.fix = GpsFix.NONE
@@ -126,7 +126,7 @@ def test_a_lost_fix_troubles_nobody_who_has_optical_flow_or_poses_from_outside()
         assert not flight.passes(30.0)
 
 
-def test_on_the_ground_nothing_is_told() -> None:
+def test_on_the_ground_nothing_is_reported() -> None:
     flight = Flight(landed=LandedState.ON_GROUND)
     flight.is_measured = True
     flight.passes(5.0)
@@ -134,7 +134,7 @@ def test_on_the_ground_nothing_is_told() -> None:
     assert not flight.passes(5.0)
 
 
-def test_poses_that_end_are_told_within_half_a_second() -> None:
+def test_poses_that_end_are_reported_within_half_a_second() -> None:
     flight = Flight(GpsFix.NONE)
     flight.is_measured = True
     assert not flight.passes(5.0)
@@ -146,7 +146,7 @@ def test_poses_that_end_are_told_within_half_a_second() -> None:
     assert not flight.passes(2.0 * BACK_S + 0.4)
 
 
-def test_poses_that_are_dropped_are_told_by_their_cause() -> None:
+def test_poses_that_are_dropped_are_reported_by_their_cause() -> None:
     flight = Flight(GpsFix.NONE)
     flight.is_measured = True
     flight.passes(5.0)
@@ -157,7 +157,7 @@ def test_poses_that_are_dropped_are_told_by_their_cause() -> None:
     assert flight.watch.trouble == "the poses from outside are dropped: it is old, and the position drifts"
 
 
-def test_with_a_fix_poses_that_end_are_told_but_nothing_waits() -> None:
+def test_with_a_fix_poses_that_end_are_reported_but_nothing_waits() -> None:
     flight = Flight(GpsFix.FIX_3D)
     flight.is_measured = True
     flight.passes(5.0)
@@ -174,7 +174,7 @@ def test_a_few_poses_are_no_source() -> None:
     assert not flight.passes(5.0)
 
 
-def test_both_that_end_are_told() -> None:
+def test_both_that_end_are_reported() -> None:
     flight = Flight()
     flight.passes(3.0)
     flight.is_measured = True

@@ -229,7 +229,7 @@ def test_a_value_that_never_came_makes_the_state_uninitialized(value: str, why: 
     assert found == Estimate(State.UNINITIALIZED, f"{why}{does}", is_link_up=value != "heard_s")
 
 
-def test_what_is_wrong_with_the_link_ends_the_reason_while_nothing_is_heard() -> None:
+def test_what_is_wrong_with_the_link_ends_the_reason_while_nothing_is_received() -> None:
     trouble = "/dev/ttyACM0 is gone (unplugged?); opening it anew"
     silent = changed(HEALTHY, trouble=trouble, heard_s=None)
     assert estimate(silent, FRESHNESS).why == f"nothing heard from the autopilot yet; {trouble}"
@@ -295,7 +295,9 @@ def test_each_state_says_why_it_is_that_state(given_snapshot: Snapshot, manoeuvr
         (Cause.BATTERY, "the autopilot lands (mode RTL): battery failsafe"),
     ],
 )
-def test_the_landing_of_our_mission_is_told_as_ours_but_not_that_of_a_failsafe(held_by: Cause | None, why: str) -> None:
+def test_the_landing_of_our_mission_is_reported_as_ours_but_not_that_of_a_failsafe(
+    held_by: Cause | None, why: str
+) -> None:
     """PX4 returns in a mode of its own, which without a mission is a ground station's."""
     mode = Sample(Mode("RTL", PILOT, is_autonomous=True), NOW_S)
     given_snapshot = changed(snapshot(landed=LandedState.LANDING), mode=mode, held_by=held_by)

@@ -121,7 +121,7 @@ def test_a_callback_of_its_future_sees_it_ended(task: VehicleTask) -> None:
     assert seen == [TaskStatus.SUCCEEDED]
 
 
-def test_a_task_that_ended_is_told_as_it_was_whatever_comes_after(clock: HandClock) -> None:
+def test_a_task_that_ended_is_reported_as_it_was_whatever_comes_after(clock: HandClock) -> None:
     tasks = Tasks(clock)
     ended, running = tasks.new(TaskKind.LAND, "land"), tasks.new(TaskKind.FOLLOW_PATH, "a path")
     ended.report(lambda: Progress(0.5, 2.0))

@@ -179,7 +179,7 @@ def test_a_polygon_is_cut_by_zones_and_names_only_these() -> None:
     assert area.clearance_m((10.0, 15.0)) == pytest.approx(2.0, abs=0.01)
 
 
-def test_a_zone_that_is_entered_on_the_way_is_named_before_one_that_is_left() -> None:
+def test_a_zone_that_is_entered_en_route_is_named_before_one_that_is_left() -> None:
     other = LocalZone("other", False, ((14.0, 8.0), (18.0, 8.0), (18.0, 12.0), (14.0, 12.0)))
     area = Area((), [HOLE, other], RESERVE_M)
     assert area.zone_left((10.0, 10.0), (25.0, 10.0)) == "other"

@@ -62,7 +62,7 @@ class Placed:
         assert geo.altitude_amsl_m is not None
         return self.map.to_local(geo.latitude_deg, geo.longitude_deg, geo.altitude_amsl_m)
 
-    def told(self, local: Vector3) -> Vector3:
+    def reported(self, local: Vector3) -> Vector3:
         return self.frames.transform(MAP, "uav_1/base_link", self.at(local)).translation
 
 
@@ -73,13 +73,13 @@ def _geo(projection: Projection, place: Vector3) -> tuple[float, float, float]:
 
 
 @given(KINDS, LATITUDES, LONGITUDES, NEAR, NEAR, NEAR)
-def test_a_goal_in_map_is_its_place_on_earth_and_is_told_as_such(
+def test_a_goal_in_map_is_its_position_on_earth_and_is_reported_as_such(
     kind: type[Projection], latitude: float, longitude: float, place: Vector3, home: Vector3, goal: Vector3
 ) -> None:
     uav = Placed(kind, (latitude, longitude, 30.0), place, home * 0.1)
     local = uav.to_local(goal)
     assert (uav.truth(local) - goal).norm() <= MEET_M
-    assert (uav.told(local) - goal).norm() <= MEET_M
+    assert (uav.reported(local) - goal).norm() <= MEET_M
     assert uav.truth(local).z == pytest.approx(goal.z, abs=1e-6)
 
 
@@ -107,7 +107,7 @@ def test_uavs_5_km_apart_meet_at_the_point_of_the_report(kind: type[Projection],
         uav = Placed(kind, origin, place, Vector3())
         local = uav.to_local(GOAL)
         assert (uav.truth(local) - GOAL).norm() <= MEET_M
-        assert (uav.told(local) - GOAL).norm() <= MEET_M
+        assert (uav.reported(local) - GOAL).norm() <= MEET_M
 
 
 @given(KINDS, st.floats(-89.0, 89.0), NEAR, NEAR)
@@ -129,11 +129,11 @@ def test_far_away_they_are_exact(far_m: float) -> None:
 
 
 @pytest.mark.parametrize("kind", [FlatProjection, SphereProjection])
-def test_geographic_goals_are_told_at_their_place_in_map(kind: type[Projection]) -> None:
+def test_geographic_goals_are_reported_at_their_position_in_map(kind: type[Projection]) -> None:
     uav = Placed(kind, (50.0, 8.0, 30.0), Vector3(), Vector3())
     latitude, longitude, altitude = _geo(uav.map, GOAL)
     goal = GeoWaypoint(latitude, longitude, altitude, altitude_reference=AltitudeReference.AMSL)
-    assert (uav.told(uav.frames.geo_to_local(goal, uav.at()).position) - GOAL).norm() <= MEET_M
+    assert (uav.reported(uav.frames.geo_to_local(goal, uav.at()).position) - GOAL).norm() <= MEET_M
 
 
 def test_velocities_and_headings_in_map_turn_by_the_convergence_of_the_meridians() -> None:
@@ -147,7 +147,7 @@ def test_velocities_and_headings_in_map_turn_by_the_convergence_of_the_meridians
     assert uav.frames.to_local(goal, uav.at()).yaw_rad == pytest.approx(-turn_rad, rel=0.01)
 
 
-def test_a_frame_that_moves_in_map_is_followed_at_its_place_on_earth() -> None:
+def test_a_frame_that_moves_in_map_is_followed_at_its_position_on_earth() -> None:
     uav = Placed(FlatProjection, (50.0, 8.0, 30.0), Vector3(5_000.0, 0.0, 0.0), Vector3())
     for time_s in (0.0, 0.1, 0.2):
         uav.frames.tree.add(Transform(GOAL + Vector3(time_s, 0.0, 0.0), IDENTITY, MAP, "ship"), time_s)
@@ -157,14 +157,14 @@ def test_a_frame_that_moves_in_map_is_followed_at_its_place_on_earth() -> None:
     assert motion.velocity.norm() > 0.0
 
 
-def test_poses_from_outside_in_map_are_at_their_place_on_earth() -> None:
+def test_poses_from_outside_in_map_are_at_their_position_on_earth() -> None:
     uav = Placed(FlatProjection, (50.0, 8.0, 30.0), Vector3(2_000.0, 0.0, 0.0), Vector3())
     local = uav.frames.external_pose(PoseStamped(Pose(GOAL, IDENTITY), MAP), 1.0)
     assert (uav.truth(local.position) - GOAL).norm() <= MEET_M
 
 
 @pytest.mark.parametrize("kind", [FlatProjection, SphereProjection])
-def test_a_fence_in_map_is_one_place_on_earth(kind: type[Projection]) -> None:
+def test_a_fence_in_map_is_one_position_on_earth(kind: type[Projection]) -> None:
     polygon = ((-900.0, -900.0), (900.0, -900.0), (900.0, 900.0), (-900.0, 900.0))
     settings = GeofenceSettings(polygon=polygon, frame_id=MAP, min_height_m=0.0, max_height_m=50.0)
     for place in (Vector3(), Vector3(-5_000.0, 0.0, 10.0)):

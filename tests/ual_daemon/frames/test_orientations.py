@@ -66,7 +66,7 @@ def test_a_tilt_that_a_uav_may_have_is_left_out(frames: FrameResolver, yaw_deg: 
         assert math.cos(heading_rad - yaw_rad) == pytest.approx(1.0)
 
 
-def test_what_looks_down_or_up_is_no_other_order(frames: FrameResolver) -> None:
+def test_what_points_down_or_up_is_no_other_order(frames: FrameResolver) -> None:
     for pitch_deg in (-90, -60, 60, 90):
         assert heading_of(frames, Quaternion.from_euler(0.0, math.radians(pitch_deg), 0.5)) is not None
     assert heading_of(frames, KEEP_HEADING) is None

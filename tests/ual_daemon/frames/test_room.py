@@ -56,7 +56,7 @@ def test_a_room_in_a_convex_fence_is_all_of_it() -> None:
         assert not room.has([(5.0, 5.0, 3.0), beyond])
 
 
-def test_beside_a_hole_a_room_reaches_along_it() -> None:
+def test_next_to_a_hole_a_room_reaches_along_it() -> None:
     hole = LocalZone("hole", False, ((2.0, -50.0), (4.0, -50.0), (4.0, 50.0), (2.0, 50.0)))
     room = Fence(()).cut([hole], 0.0, unites_inclusions=False).room_around([(1.5, 0.0, 5.0), (1.5, 3.0, 5.0)])
     assert room is not None

@@ -58,7 +58,7 @@ def test_it_begins_with_map_odom_and_the_body() -> None:
     assert found[2].transform == Transform(Vector3(1, 2, 3), IDENTITY, ODOM, BODY)
 
 
-def test_home_pose_places_odom_in_its_parent() -> None:
+def test_home_pose_positions_odom_in_its_parent() -> None:
     field = FrameSettings(frame_id="field", translation=(10.0, 0.0, 0.0), yaw_rad=math.pi / 2)
     settings = VehicleSettings(home_pose=(1.0, 2.0, 3.0), home_pose_parent_frame="field", frames=(field,))
     found = tree(settings).lookup(MAP, ODOM, None)
@@ -111,7 +111,7 @@ def test_a_lookup_is_the_product_of_the_chain(drawn: tuple[list[Transform], Pose
     assert_same_transform(frames.lookup(target, source, body), frames.lookup(source, target, body).inverse(), 1e5)
 
 
-def test_an_added_frame_can_be_moved_and_given_another_parent() -> None:
+def test_an_added_frame_can_be_moved_and_passed_another_parent() -> None:
     frames = tree()
     frames.add(at(1, 0, 0, "", "box"))
     frames.add(at(0, 0, 2, "box", "lid"))

@@ -17,7 +17,7 @@ from ual_daemon.server.telemetry_stream import Updates
 STEP_S = 0.125
 
 
-class Desk:
+class EntranceStub:
     """A vehicle, its clock, its updates and its pilot in one; ends when the script of states does."""
 
     def __init__(self, states: list[State], *, real_from: int | None = None, refuses: bool = False) -> None:
@@ -62,19 +62,19 @@ STANDS, FLIES = State.LANDED_DISARMED, State.FLYING_AUTO
 
 
 def test_he_arms_when_it_has_stood_a_while_and_again_after_each_landing() -> None:
-    desk = Desk([STANDS] * 12 + [FLIES] * 20 + [STANDS] * 12)
+    desk = EntranceStub([STANDS] * 12 + [FLIES] * 20 + [STANDS] * 12)
     desk.run()
     assert desk.armed_at == [8, 40]
 
 
 def test_he_does_not_arm_what_does_not_stand() -> None:
-    desk = Desk([FLIES] * 30 + [State.UNINITIALIZED] * 30 + [STANDS] * 8)
+    desk = EntranceStub([FLIES] * 30 + [State.UNINITIALIZED] * 30 + [STANDS] * 8)
     desk.run()
     assert desk.armed_at == []
 
 
 def test_he_leaves_for_good_when_it_turns_out_to_be_real_and_says_so(caplog: pytest.LogCaptureFixture) -> None:
-    desk = Desk([STANDS] * 60, real_from=5)
+    desk = EntranceStub([STANDS] * 60, real_from=5)
     with caplog.at_level(logging.ERROR):
         desk.run()
     assert desk.armed_at == []
@@ -82,8 +82,8 @@ def test_he_leaves_for_good_when_it_turns_out_to_be_real_and_says_so(caplog: pyt
     assert [vars(record).get("ual_event") for record in caplog.records] == ["auto_arm_ended"]
 
 
-def test_a_refusal_is_told_once_and_he_tries_again(caplog: pytest.LogCaptureFixture) -> None:
-    desk = Desk([STANDS] * 60, refuses=True)
+def test_a_refusal_is_reported_once_and_he_tries_again(caplog: pytest.LogCaptureFixture) -> None:
+    desk = EntranceStub([STANDS] * 60, refuses=True)
     with caplog.at_level(logging.WARNING):
         desk.run()
     assert len(desk.armed_at) > 3

@@ -33,7 +33,7 @@ def error_of(file: Path, text: str | bytes) -> str:
     return str(caught.value)
 
 
-def test_nothing_given_is_a_light_uav_on_loopback() -> None:
+def test_nothing_passed_is_a_light_uav_on_loopback() -> None:
     found = configuration.resolve([], BACKENDS)
     assert (found.daemon.backend, found.daemon.ns) == ("light", "uav_1")
     assert found.listen == ("127.0.0.1:50051",)
@@ -151,7 +151,7 @@ def test_printed_it_is_the_same_configuration_again(file: Path) -> None:
         ("ns: a\nurl: \x07\n", "uav.yaml:2: character 0x0007 is not allowed"),
     ],
 )
-def test_what_is_wrong_is_one_line_with_file_line_and_key(file: Path, text: str | bytes, expected: str) -> None:
+def test_what_is_wrong_is_one_message_with_file_row_and_key(file: Path, text: str | bytes, expected: str) -> None:
     assert error_of(file, text).startswith(expected)
 
 
@@ -173,14 +173,14 @@ def test_numbers_and_words_are_read_as_yaml_1_2_does(file: Path) -> None:
     }
 
 
-def test_an_error_is_told_where_the_winning_value_was_given(file: Path) -> None:
+def test_an_error_is_reported_where_the_winning_value_was_passed(file: Path) -> None:
     file.write_text("ns: uav_1\nurl: a\n")
     flags = FlagSource({"ns": "b c"}, {"ns": "--ns"})
     with pytest.raises(ConfigurationError, match=r"^--ns: expected"):
         configuration.resolve([configuration_yaml.read_file(file), flags], BACKENDS)
 
 
-def test_an_error_found_later_is_told_with_its_place_too(file: Path) -> None:
+def test_an_error_found_later_is_reported_with_its_position_too(file: Path) -> None:
     file.write_text("ns: uav_1\nlight:\n  wind:\n    - 1\n    - x\n")
     source = configuration_yaml.read_file(file)
 

@@ -89,7 +89,7 @@ def test_a_namespace_flies_once_on_a_computer(start_daemon: StartDaemon) -> None
 
 
 @started
-def test_what_a_killed_daemon_left_is_in_nobodys_way(start_daemon: StartDaemon) -> None:
+def test_what_a_killed_daemon_left_is_in_nobodys_path(start_daemon: StartDaemon) -> None:
     listen = f"127.0.0.1:{free_port()}"
     killed = start_daemon(listen=listen)
     killed.wait_for("listening")
@@ -226,7 +226,7 @@ def refusal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[..., st
         ),
     ],
 )
-def test_wrong_flags_are_told_in_one_line(refusal: Callable[..., str], flags: list[str], expected: str) -> None:
+def test_wrong_flags_are_reported_in_one_message(refusal: Callable[..., str], flags: list[str], expected: str) -> None:
     assert refusal(*flags).startswith(expected)
 
 
@@ -235,7 +235,7 @@ def test_the_name_of_an_autopilot_is_answered_with_its_backend(refusal: Callable
     assert refusal("--backend", autopilot).endswith(f"; {autopilot} is flown by mavlink")
 
 
-def test_a_wrong_file_is_told_with_line_and_key(refusal: Callable[..., str], tmp_path: Path) -> None:
+def test_a_wrong_file_is_reported_with_row_and_key(refusal: Callable[..., str], tmp_path: Path) -> None:
     (tmp_path / "uav.yaml").write_text("ns: uav_1\nlight:\n  seed: many\nlimits: {climb_speed_m_s: 0}\n")
     assert refusal("--config", "uav.yaml").startswith(
         "ual-daemon: uav.yaml:4: limits.climb_speed_m_s: expected a number"
@@ -276,7 +276,7 @@ def test_a_key_that_everyone_can_read_is_refused(refusal: Callable[..., str], tm
     assert line.startswith("ual-daemon: --tls-key: every user of this computer can read or change key.pem: run `chmod")
 
 
-def test_a_wrong_environment_is_told_by_its_variable(refusal: Callable[..., str]) -> None:
+def test_a_wrong_environment_is_reported_by_its_variable(refusal: Callable[..., str]) -> None:
     assert refusal(UAL_BACKEND="parrot").startswith("ual-daemon: UAL_BACKEND: there is no backend 'parrot'")
     assert refusal(UAL_SET="light.seed=x").startswith("ual-daemon: UAL_SET light.seed: expected a whole number")
 

@@ -36,7 +36,7 @@ def test_names_that_no_daemon_could_have_are_refused() -> None:
         fleet.names("u" * 62, 10)
 
 
-def test_the_places_are_rows_of_ten_and_do_not_depend_on_how_many_there_are() -> None:
+def test_the_positions_are_rows_of_ten_and_do_not_depend_on_how_many_there_are() -> None:
     few, many = fleet.grid_positions([None] * 12, 3.0), fleet.grid_positions([None] * 200, 3.0)
     assert many[:12] == few
     assert few[0] == Vector3()
@@ -72,7 +72,7 @@ def test_an_address_for_all_is_refused() -> None:
         fleet.addresses(["127.0.0.1:50051"], "uav_7")
 
 
-def test_ports_that_end_are_told() -> None:
+def test_ports_that_end_are_reported() -> None:
     assert fleet.addresses(["127.0.0.1:{port}"], "uav_15485") == ["127.0.0.1:65535"]
     with pytest.raises(ConfigError, match="uav_15486 has no port"):
         fleet.addresses(["127.0.0.1:{port}"], "uav_15486")
@@ -101,7 +101,7 @@ def test_a_small_one_needs_no_more(limits: dict[str, int]) -> None:
     assert limits == {"soft": 256, "hard": 4096}
 
 
-def test_files_that_it_may_not_open_are_told_before_it_flies(limits: dict[str, int]) -> None:
+def test_files_that_it_may_not_open_are_reported_before_it_flies(limits: dict[str, int]) -> None:
     with pytest.raises(ConfigError, match="5000 UAVs need 10064 open files, and this process may have 4096"):
         fleet.allow_files(5000, 1)
     assert limits["soft"] == 256
@@ -119,7 +119,7 @@ def clients(daemon: DaemonProcess, count: int) -> Iterator[list[ual.Uav]]:
         yield [stack.enter_context(ual.Uav(f"uav_{number}")) for number in range(1, count + 1)]
 
 
-def test_each_uav_of_a_fleet_has_its_namespace_address_place_and_state(start_daemon: StartDaemon) -> None:
+def test_each_uav_of_a_fleet_has_its_namespace_address_position_and_state(start_daemon: StartDaemon) -> None:
     daemon = start_daemon("--fleet", "12", "--auto-arm", "--set", "light.speed_factor=10")
     with clients(daemon, 12) as uavs:
         registered = discovery.list_daemons()
@@ -280,5 +280,5 @@ def test_a_namespace_of_the_fleet_flies_once_on_a_computer(start_daemon: StartDa
         (["--fleet", "20000"], "ual-daemon: --fleet: uav_15486 has no port"),
     ],
 )
-def test_what_a_fleet_cannot_be_is_told_in_one_line(flags: list[str], expected: str, tmp_path: Path) -> None:
+def test_what_a_fleet_cannot_be_is_reported_in_one_message(flags: list[str], expected: str, tmp_path: Path) -> None:
     assert refused(tuple(flags), daemon_environment(tmp_path)).startswith(expected)

@@ -78,7 +78,7 @@ def test_all_make_the_changes_of_all_in_one_order() -> None:
     assert others == [first, first]
 
 
-def test_the_one_that_asked_gets_the_refusal() -> None:
+def test_the_one_that_queried_gets_the_refusal() -> None:
     fleet = Fleet(2)
     for worker in fleet.workers:
         worker.world.refusal = WrongStateError("not now")

@@ -25,7 +25,7 @@ class Log:
     def begin(self, format: log_output.Format, level: str = "info") -> None:  # noqa: A002
         log_output.setup(level, format, self.stream)
 
-    def lines(self) -> list[str]:
+    def rows(self) -> list[str]:
         for handler in logging.getLogger().handlers:
             handler.close()
         return self.stream.getvalue().splitlines()
@@ -43,25 +43,25 @@ def log() -> Iterator[Log]:
     root.setLevel(level)
 
 
-def test_text_is_one_line_with_the_fields(log: Log) -> None:
+def test_text_is_one_message_with_the_fields(log: Log) -> None:
     log.begin("text")
     logs.event(LOG, logging.INFO, "state", old="LANDED_ARMED", new="TAKING_OFF", why="our take-off", height_m=1 / 3)
-    (line,) = log.lines()
+    (line,) = log.rows()
     assert line.endswith('INFO    vehicle: state old=LANDED_ARMED new=TAKING_OFF why="our take-off" height_m=0.333333')
 
 
-def test_a_value_cannot_forge_a_line_or_a_field(log: Log) -> None:
+def test_a_value_cannot_forge_a_row_or_a_field(log: Log) -> None:
     log.begin("text")
     logs.event(LOG, logging.INFO, "refused", frame="a\n2026-01-01 ERROR x", other='b" why="c', empty="")
-    (line,) = log.lines()
+    (line,) = log.rows()
     assert r'frame="a\n2026-01-01 ERROR x" other="b\" why=\"c" empty=""' in line
 
 
-def test_json_is_one_object_a_line(log: Log) -> None:
+def test_json_is_one_object_a_row(log: Log) -> None:
     log.begin("json")
     logs.event(LOG, logging.WARNING, "state", new="LANDING", distance_m=float("nan"), height_m=2.5)
     LOG.error("%d lines", 2)
-    event, plain = map(json.loads, log.lines())
+    event, plain = map(json.loads, log.rows())
     assert event["time"].endswith("Z")
     assert {key: event[key] for key in event if key != "time"} == {
         "level": "warning",
@@ -81,7 +81,7 @@ def test_an_exception_keeps_its_traceback(log: Log, format_: log_output.Format) 
         int("boom")
     except ValueError:
         LOG.exception("it failed")
-    text = "\n".join(log.lines())
+    text = "\n".join(log.rows())
     assert "it failed" in text
     assert "Traceback" in text
     assert "ValueError: invalid literal" in text
@@ -95,7 +95,7 @@ def test_the_caller_is_named_unless_it_is_this_process(log: Log) -> None:
         logs.event(LOG, logging.INFO, "land")
     finally:
         logs.caller.reset(token)
-    first, second = map(json.loads, log.lines())
+    first, second = map(json.loads, log.rows())
     assert "caller" not in first
     assert second["caller"] == "ipv4:127.0.0.1:4711"
 
@@ -104,7 +104,7 @@ def test_levels_below_are_left_out(log: Log) -> None:
     log.begin("text", level="warning")
     logs.event(LOG, logging.INFO, "state")
     logs.event(LOG, logging.WARNING, "link_lost")
-    (line,) = log.lines()
+    (line,) = log.rows()
     assert "link_lost" in line
 
 
@@ -154,7 +154,7 @@ class _Buffered(_Stuck):
         self.flushed = self.getvalue()
 
 
-def test_the_last_line_leaves_the_buffer_also_where_the_end_came_with_it() -> None:
+def test_the_last_row_leaves_the_buffer_also_where_the_end_came_with_it() -> None:
     stream = _Buffered()
     handler = log_output.BackgroundHandler(stream)
     handler.emit(logging.LogRecord("x", logging.INFO, __file__, 1, "last", None, None))
@@ -192,7 +192,7 @@ def test_the_log_goes_on_after_it_could_not_be_written_for_a_while(log: Log, err
     stream.error = 0
     logs.event(LOG, logging.INFO, "after")
     assert stream.has_written.wait(10)
-    loss, line = log.lines()
+    loss, line = log.rows()
     assert loss == f"up to 1 log lines lost: {os.strerror(error)}"
     assert "after" in line
 
@@ -220,7 +220,7 @@ def test_refusals_that_are_repeated_are_counted(log: Log) -> None:
     log.begin("json")
     refuse("not flying", 58)
     refuse("no link", 1)
-    first, other, repeated = map(json.loads, log.lines())
+    first, other, repeated = map(json.loads, log.rows())
     assert (first["caller"], other["why"]) == ("ipv4:127.0.0.1:0", "no link")
     assert (repeated["event"], repeated["why"], repeated["repeated"]) == ("refused", "not flying", 57)
     assert "caller" not in repeated
@@ -231,7 +231,7 @@ def test_warnings_without_fields_are_counted_and_commands_are_not(log: Log) -> N
     for _ in range(3):
         LOG.error("an update failed")
         logs.event(LOG, logging.INFO, "command", command="go_to_waypoint")
-    lines = log.lines()
+    lines = log.rows()
     assert [line.partition("vehicle: ")[2] for line in lines] == [
         "an update failed",
         *["command command=go_to_waypoint"] * 3,
@@ -254,13 +254,13 @@ def test_what_is_logged_is_bounded(log: Log, format_: log_output.Format) -> None
     log.begin(format_)
     logs.event(LOG, logging.INFO, "command", frame="f" * 100_000)
     LOG.warning("w" * 100_000)
-    field, message = log.lines()
+    field, message = log.rows()
     assert len(field) < 600
     assert "... (100000 characters)" in field
     assert len(message) < 2300
 
 
-def test_a_line_that_the_stream_cannot_encode_does_not_end_the_log() -> None:
+def test_a_row_that_the_stream_cannot_encode_does_not_end_the_log() -> None:
     written = io.BytesIO()
     stream = io.TextIOWrapper(written, encoding="utf-8", errors="strict")  # as a worker's pipe
     handler = log_output.BackgroundHandler(stream)

@@ -71,7 +71,7 @@ def test_a_namespace_in_use_is_refused_with_pid_and_address() -> None:
         end(process)
 
 
-def test_a_holder_that_is_still_starting_is_told_by_its_pid() -> None:
+def test_a_holder_that_is_still_starting_is_reported_by_its_pid() -> None:
     process = hold()
     try:
         with pytest.raises(NamespaceError, match=rf"pid {process.pid}, which is still starting"):
@@ -112,7 +112,7 @@ def test_what_a_killed_daemon_left_is_not_taken_for_one_that_starts(runtime_dir:
             Namespace("uav_1")
 
 
-def test_clients_that_look_do_not_keep_a_daemon_from_starting(
+def test_clients_that_poll_do_not_keep_a_daemon_from_starting(
     runtime_dir: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     runtime_dir.mkdir(parents=True)
@@ -120,11 +120,11 @@ def test_clients_that_look_do_not_keep_a_daemon_from_starting(
         fcntl.flock(looking, fcntl.LOCK_SH)
         looks: list[float] = []
 
-        def look_away(pause_s: float) -> None:
+        def turn_away(pause_s: float) -> None:
             looks.append(pause_s)
             fcntl.flock(looking, fcntl.LOCK_UN)
 
-        monkeypatch.setattr("ual_daemon.program.namespace.time.sleep", look_away)
+        monkeypatch.setattr("ual_daemon.program.namespace.time.sleep", turn_away)
         with Namespace("uav_1"):
             assert len(looks) == 1
 
@@ -176,7 +176,7 @@ def test_a_directory_that_cannot_be_trusted_is_refused(runtime_dir: Path, tmp_pa
         Namespace("uav_1")
 
 
-def test_a_directory_that_cannot_be_made_is_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_directory_that_cannot_be_made_is_one_message(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(discovery.RUNTIME_DIR_VARIABLE, "/proc/ual")
     with pytest.raises(NamespaceError, match=r"cannot open /proc/ual/uav_1\.lock: No such file"):
         Namespace("uav_1")

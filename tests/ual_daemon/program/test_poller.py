@@ -34,7 +34,7 @@ def test_the_older_poller_serves_only_callers_of_this_computer(
     assert os.environ.get("GRPC_EXPERIMENTS") == ("-event_engine_listener" if is_older else None)
 
 
-def test_who_sets_it_by_hand_is_asked_first(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_who_sets_it_by_hand_is_queried_first(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("GRPC_EXPERIMENTS", "mine")
     configuration: Any = SimpleNamespace(daemon=SimpleNamespace(transport="core"), listen=["127.0.0.1:0"])
     main._choose_poller(configuration)

@@ -175,7 +175,7 @@ def test_a_port_that_is_taken_lets_none_be_served(workers: tuple[str, ...], runt
     assert not list(runtime_dir.glob("*.json"))
 
 
-def test_a_worker_that_dies_is_told_and_the_others_go_on(start_daemon: StartDaemon) -> None:
+def test_a_worker_that_dies_is_reported_and_the_others_go_on(start_daemon: StartDaemon) -> None:
     daemon = start_daemon(*FLEET)
     workers = workers_of(daemon)
     lost, left = sorted(workers, key=workers.__getitem__)
@@ -258,5 +258,5 @@ def test_one_audit_and_a_recording_for_each_worker(start_daemon: StartDaemon, tm
         ((), "ual-daemon: --workers: one UAV is flown by one process"),
     ],
 )
-def test_what_a_fleet_cannot_be_is_told_once(flags: tuple[str, ...], expected: str, runtime_dir: Path) -> None:
+def test_what_a_fleet_cannot_be_is_reported_once(flags: tuple[str, ...], expected: str, runtime_dir: Path) -> None:
     assert refused(("--workers", "2", *flags), daemon_environment(runtime_dir)).startswith(expected)

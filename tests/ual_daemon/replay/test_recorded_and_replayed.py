@@ -23,14 +23,14 @@ def test_the_states_of_a_replayed_flight_are_those_of_the_flight_to_the_update(
         recording = record(start_daemon, tmp_path / f"recorded_{attempt}")
         recorded = [m.telemetry() for m in Recording(recording).messages(lambda topic: topic.endswith("/telemetry"))]
         replayed = Watched(recording).to_the_end()
-        assert [told(sample) for sample in replayed] == [told(sample) for sample in recorded]
+        assert [reported(sample) for sample in replayed] == [reported(sample) for sample in recorded]
         assert [sample.pose for sample in replayed] == [sample.pose for sample in recorded]
         if {sample.state for sample in recorded} >= FLOWN:
             return
     raise AssertionError("it has not heard all of the flight")
 
 
-def told(sample: Telemetry) -> tuple[object, ...]:
+def reported(sample: Telemetry) -> tuple[object, ...]:
     return sample.state, sample.flight_mode, sample.armed
 
 

@@ -76,8 +76,8 @@ def flight() -> list[Telemetry]:
 
 
 @pytest.fixture(scope="module")
-def flown(flight: list[Telemetry], tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return recording_of(flight, tmp_path_factory.mktemp("flown") / "light.mcap")
+def recording_file(flight: list[Telemetry], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return recording_of(flight, tmp_path_factory.mktemp("recording_file") / "light.mcap")
 
 
 AS_FLOWN = {
@@ -99,8 +99,8 @@ def test_a_flight_is_decoded_anew_from_its_packets(tmp_path: Path, name: str) ->
     assert max(heights) > 1.5
 
 
-def test_a_flight_without_packets_is_reported_as_it_was(flight: list[Telemetry], flown: Path) -> None:
-    samples = Watched(flown).to_the_end()
+def test_a_flight_without_packets_is_reported_as_it_was(flight: list[Telemetry], recording_file: Path) -> None:
+    samples = Watched(recording_file).to_the_end()
     assert [sample.state for sample in samples] == [sample.state for sample in flight]
     for name in ("state_reason", "pose", "velocity", "reference_pose", "odometry", "transform", "battery", "armed"):
         assert [getattr(s, name) for s in samples[:-1]] == [getattr(s, name) for s in flight[:-1]], name
@@ -108,8 +108,8 @@ def test_a_flight_without_packets_is_reported_as_it_was(flight: list[Telemetry],
     assert tasks == [None if s.task is None else (s.task.id, s.task.kind, s.task.status) for s in flight]
 
 
-def test_the_frames_are_those_of_the_namespace(flown: Path) -> None:
-    samples = Watched(flown, "drone").to_the_end()
+def test_the_frames_are_those_of_the_namespace(recording_file: Path) -> None:
+    samples = Watched(recording_file, "drone").to_the_end()
     last = samples[-1]
     assert last.odometry is not None
     assert last.transform is not None
@@ -117,15 +117,15 @@ def test_the_frames_are_those_of_the_namespace(flown: Path) -> None:
     assert names == ("drone/odom", "drone/base_link", "map", "drone/base_link")
 
 
-def test_it_is_played_from_a_time_on(flight: list[Telemetry], flown: Path) -> None:
+def test_it_is_played_from_a_time_on(flight: list[Telemetry], recording_file: Path) -> None:
     begin_s = 3.0
     expected = [sample for sample in flight if sample.stamp_s - flight[0].stamp_s >= begin_s - 1e-6]
-    samples = Watched(flown, begin_s=begin_s).to_the_end()
+    samples = Watched(recording_file, begin_s=begin_s).to_the_end()
     assert abs(len(samples) - len(expected)) <= 1
     assert samples[-1].pose == flight[-1].pose
 
 
-def test_it_is_played_again_and_again(flight: list[Telemetry], flown: Path) -> None:
+def test_it_is_played_again_and_again(flight: list[Telemetry], recording_file: Path) -> None:
     begun: list[None] = []
 
     def third_time(sample: Telemetry) -> bool:
@@ -133,29 +133,29 @@ def test_it_is_played_again_and_again(flight: list[Telemetry], flown: Path) -> N
             begun.append(None)
         return len(begun) == 3
 
-    samples = Watched(flown, loop=True).until(third_time)
+    samples = Watched(recording_file, loop=True).until(third_time)
     once = states(flight)
     assert states(samples) == [*once, State.UNINITIALIZED, *once, State.UNINITIALIZED, *once]
     assert samples[-1].pose == flight[-1].pose  # the frames have not moved
 
 
-def test_at_its_end_nothing_is_heard_any_more(flown: Path) -> None:
+def test_at_its_end_nothing_is_received_any_more(recording_file: Path) -> None:
     def is_lost(sample: Telemetry) -> bool:
         return sample.status_text == ENDED and sample.state is State.UNINITIALIZED
 
-    watched = Watched(flown)
+    watched = Watched(recording_file)
     assert states(watched.until(is_lost))[-1] is not State.UNINITIALIZED
     assert watched.vehicle.state() is State.UNINITIALIZED
 
 
-def test_nothing_can_be_flown(flown: Path) -> None:
+def test_nothing_can_be_executed(recording_file: Path) -> None:
     def refused(command: Callable[[], object]) -> None:
         with pytest.raises(NotSupportedError):
             command()
 
     with ExitStack() as stack:
         settings = {**FAST, "speed_factor": 0.001}
-        uav = stack.enter_context(UAL("replay", url=str(flown), backend_settings=settings, allow_arming=True))
+        uav = stack.enter_context(UAL("replay", url=str(recording_file), backend_settings=settings, allow_arming=True))
         uav.vehicle.subscribe(lambda _: None)
         for command in (
             uav.arm,
@@ -174,15 +174,15 @@ def test_nothing_can_be_flown(flown: Path) -> None:
             refused(command)
 
 
-def test_it_has_no_lease(flown: Path) -> None:
-    with UAL("replay", url=str(flown), backend_settings={**FAST, "speed_factor": 0.001}) as uav:
+def test_it_has_no_lease(recording_file: Path) -> None:
+    with UAL("replay", url=str(recording_file), backend_settings={**FAST, "speed_factor": 0.001}) as uav:
         with pytest.raises(NotSupportedError, match="uav_1 cannot be commanded: this is a recording"):
             uav.lease("a program")
         assert uav.lease_info() is None
 
 
-def test_a_frame_can_be_added_and_removed(flown: Path) -> None:
-    with UAL("replay", url=str(flown), backend_settings={**FAST, "speed_factor": 0.001}) as uav:
+def test_a_frame_can_be_added_and_removed(recording_file: Path) -> None:
+    with UAL("replay", url=str(recording_file), backend_settings={**FAST, "speed_factor": 0.001}) as uav:
         uav.add_frame(Transform(Vector3(1.0, 2.0, 3.0), child_frame_id="tower"))
         assert uav.transform("map", "tower").translation == Vector3(1.0, 2.0, 3.0)
         uav.remove_frame("tower")
@@ -210,11 +210,11 @@ def test_frames_move_as_they_were_recorded(flight: list[Telemetry], tmp_path: Pa
     watched = Watched(path, "drone")
     found: list[dict[str, Transform]] = []
 
-    def look(_: Telemetry) -> None:
+    def note(_: Telemetry) -> None:
         frames = watched.vehicle.frames()
         found.append({each.frame_id: each.transform for each in frames if each.transform is not None})
 
-    watched.vehicle.subscribe(look)
+    watched.vehicle.subscribe(note)
     watched.to_the_end()
     places = [each["drone/car"].translation.x for each in found[:40]]
     assert places == pytest.approx([0.1 * number for number in range(40)])
@@ -224,22 +224,22 @@ def test_frames_move_as_they_were_recorded(flight: list[Telemetry], tmp_path: Pa
 
 def test_packets_without_telemetry_are_no_flight_of_ours(tmp_path: Path) -> None:
     watched = Watched(raw_recording(load("ardupilot_guided_manual_recover"), tmp_path / "flight.mcap"))
-    flown = [sample for sample in watched.to_the_end() if sample.state is State.FLYING_AUTO]
-    assert {sample.task for sample in flown} == {None}
+    flying = [sample for sample in watched.to_the_end() if sample.state is State.FLYING_AUTO]
+    assert {sample.task for sample in flying} == {None}
     told = "in the air, the autopilot takes our references (mode GUIDED); this is a recording: nothing can be flown"
-    assert {sample.state_reason for sample in flown} == {told}
+    assert {sample.state_reason for sample in flying} == {told}
 
 
-def test_a_refusal_is_logged(flown: Path, caplog: pytest.LogCaptureFixture) -> None:
-    with UAL("replay", url=str(flown), backend_settings={**FAST, "speed_factor": 0.001}) as uav:
+def test_a_refusal_is_logged(recording_file: Path, caplog: pytest.LogCaptureFixture) -> None:
+    with UAL("replay", url=str(recording_file), backend_settings={**FAST, "speed_factor": 0.001}) as uav:
         for _ in range(3):
             with pytest.raises(NotSupportedError):
                 uav.set_velocity(Twist())
     assert [vars(record).get("ual_event") for record in caplog.records].count("refused") == 1
 
 
-def test_it_is_one_uav(flown: Path) -> None:
-    flags = ["--backend", "replay", "--url", str(flown), "--fleet", "2"]
+def test_it_is_one_uav(recording_file: Path) -> None:
+    flags = ["--backend", "replay", "--url", str(recording_file), "--fleet", "2"]
     result = CliRunner().invoke(main, flags)
     assert result.exit_code == 2
     assert "fleet: a recording plays as one UAV: start a daemon for each" in result.stderr
@@ -255,8 +255,8 @@ def test_it_is_one_uav(flown: Path) -> None:
     ],
 )
 def test_what_cannot_be_played_is_refused_at_once(
-    flown: Path, url: str | None, settings: dict[str, Any], why: str
+    recording_file: Path, url: str | None, settings: dict[str, Any], why: str
 ) -> None:
-    where = None if url is None else str(flown.parent / url)
+    where = None if url is None else str(recording_file.parent / url)
     with pytest.raises(ConfigError, match=why):
         UAL("replay", url=where, backend_settings=settings)

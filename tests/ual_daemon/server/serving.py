@@ -48,7 +48,7 @@ async def taking(
         transport.close()
 
 
-def told(caplog: pytest.LogCaptureFixture) -> list[logging.LogRecord]:
+def reported(caplog: pytest.LogCaptureFixture) -> list[logging.LogRecord]:
     """Returns the logged records, but for gRPC's asyncio client of an earlier test, which has events for a loop that
     has ended.
     """

@@ -91,7 +91,7 @@ def test_a_port_in_use_says_by_whom(transport: Choice) -> None:
             try_to_bind(transport, Address("127.0.0.1", port))
 
 
-def test_a_holder_whose_command_has_several_lines_is_named_in_one(transport: Choice) -> None:
+def test_a_holder_whose_command_has_several_rows_is_named_in_one(transport: Choice) -> None:
     program = (
         "import socket\ns = socket.create_server(('127.0.0.1', 0))\nprint(s.getsockname()[1], flush=True)\ns.accept()"
     )
@@ -129,7 +129,7 @@ def test_a_unix_socket_in_use_is_not_taken_over(transport: Choice, tmp_path: Pat
     try_to_bind(transport, Address(str(path), 0, is_unix=True))
 
 
-def test_a_file_in_the_place_of_a_unix_socket_stays(transport: Choice, tmp_path: Path) -> None:
+def test_a_file_instead_of_a_unix_socket_stays(transport: Choice, tmp_path: Path) -> None:
     path = tmp_path / "ual.sock"
     path.write_text("precious")
     with pytest.raises(ListenError, match="there is a file that is no socket"):

@@ -14,7 +14,7 @@ import pytest
 from typing_extensions import override
 
 from tests.ual_daemon.server.raw import answer_to
-from tests.ual_daemon.server.serving import serving, told
+from tests.ual_daemon.server.serving import reported, serving
 from tests.waiting import LIMIT_S, until_async
 from ual.access.roles import Role
 from ual.errors import (
@@ -241,7 +241,7 @@ def test_a_defect_is_internal_logged_and_the_server_goes_on(
 
     with caplog.at_level(logging.ERROR, "ual_daemon"):
         asyncio.run(run())
-    (record,) = told(caplog)
+    (record,) = reported(caplog)
     assert record.exc_info is not None
     assert "/ual.v1.UalService/ListFrames failed unexpectedly" in record.getMessage()
 
@@ -265,7 +265,7 @@ def test_a_caller_who_goes_away_is_no_defect_and_his_call_ends(
 
     with caplog.at_level(logging.INFO, "ual_daemon"):
         asyncio.run(run())
-    assert not told(caplog)
+    assert not reported(caplog)
 
 
 def test_what_is_no_message_is_refused(transport: Choice) -> None:
@@ -325,7 +325,7 @@ def test_calls_without_their_request_are_bounded_and_others_get_in(transport: Ch
 
 
 @pytest.mark.parametrize("method", ["SetHome", "StreamTelemetry", "WatchTask"])
-def test_a_call_whose_request_is_late_is_ended_and_logged_in_one_line(
+def test_a_call_whose_request_is_late_is_ended_and_logged_in_one_message(
     transport: Choice, method: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     async def run() -> None:
@@ -361,7 +361,7 @@ def test_metadata_that_are_too_large_are_refused(transport: Choice, caplog: pyte
             assert b"grpc-status\x010" in await asyncio.to_thread(answer_to, it.address, method)
 
     asyncio.run(run())
-    assert not told(caplog)
+    assert not reported(caplog)
 
 
 def test_another_uavs_name_is_refused(transport: Choice) -> None:

@@ -200,7 +200,7 @@ def fast_daemon(start_daemon: StartDaemon) -> DaemonProcess:
     return start_daemon("--set", "light.speed_factor=100")
 
 
-def test_a_slow_reader_gets_the_newest_and_is_told_how_many_it_missed(fast_daemon: DaemonProcess) -> None:
+def test_a_slow_reader_gets_the_newest_and_learns_how_many_it_missed(fast_daemon: DaemonProcess) -> None:
     slow, quick = (Stub(fast_daemon.channel()).StreamTelemetry(pb.StreamTelemetryRequest()) for _ in range(2))
     first = next(slow).telemetry.sequence
     # The slow one does not read on until thousands were sent, far more than the connection can hold.
@@ -231,7 +231,7 @@ def test_a_reader_that_never_reads_holds_up_nobody_at_shutdown(fast_daemon: Daem
         list(stuck)
 
 
-def test_each_reader_has_the_rate_it_asked_for(daemon: DaemonProcess) -> None:
+def test_each_reader_has_the_rate_it_requested(daemon: DaemonProcess) -> None:
     stub = Stub(daemon.channel())
     few = stub.StreamTelemetry(pb.StreamTelemetryRequest(rate_hz=5.0), timeout=LIMIT_S)
     sequences = [next(few).telemetry.sequence for _ in range(12)]

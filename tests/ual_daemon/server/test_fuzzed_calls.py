@@ -16,7 +16,7 @@ from ual.v1 import ual_pb2_grpc as pb_grpc
 COUNT = 600
 
 
-def test_calls_are_the_same_for_the_same_seed_and_reach_every_method() -> None:
+def test_calls_are_the_same_for_the_same_seed_and_get_to_every_method() -> None:
     some = list(itertools.islice(calls(1), COUNT))
     assert some == list(itertools.islice(calls(1), COUNT))
     assert {call.method.rsplit("/", 1)[-1] for call in itertools.islice(calls(1), 10_000)} >= set(METHODS)

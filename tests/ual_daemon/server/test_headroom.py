@@ -75,7 +75,7 @@ def test_two_large_requests_do_not_get_the_same_room() -> None:
     headroom.require_room_to_work(PLANS, size)
 
 
-def test_small_requests_look_ten_times_a_second_at_most() -> None:
+def test_small_requests_poll_ten_times_a_second_at_most() -> None:
     looks, clock = itertools.count(), Clock()
     headroom = Headroom(lambda: math.inf * (1 + next(looks)), clock)
     for tick in range(100):
@@ -84,7 +84,7 @@ def test_small_requests_look_ten_times_a_second_at_most() -> None:
     assert next(looks) == 10
 
 
-def test_a_large_request_that_has_arrived_is_looked_for_before_the_next_is_read() -> None:
+def test_a_large_request_that_has_arrived_is_sought_before_the_next_is_read() -> None:
     free = [RESERVE_BYTES + WORK_FACTOR * MOST_REQUEST_BYTES, RESERVE_BYTES]
     headroom = Headroom(lambda: free[0], Clock())
     headroom.require_room(READS)

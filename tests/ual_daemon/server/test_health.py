@@ -10,7 +10,7 @@ import grpc
 import pytest
 from grpc_health.v1 import health_pb2, health_pb2_grpc
 
-from tests.ual_daemon.server.serving import serving, told
+from tests.ual_daemon.server.serving import reported, serving
 from ual_daemon.server import health
 from ual_daemon.server.calls import Calls
 from ual_daemon.server.health import HealthServicer
@@ -108,4 +108,4 @@ def test_a_method_that_is_not_implemented_is_unimplemented_and_no_defect(
                 assert caught.value.code() is grpc.StatusCode.UNIMPLEMENTED
 
     asyncio.run(run())
-    assert not told(caplog)
+    assert not reported(caplog)

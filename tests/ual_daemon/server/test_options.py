@@ -49,7 +49,7 @@ def attack(address: str, streams: range, *, is_reset: bool) -> http2.Http2Peer:
     return peer
 
 
-def test_calls_of_one_connection_beyond_the_limit_never_reach_python(transport: Choice) -> None:
+def test_calls_of_one_connection_beyond_the_limit_never_get_to_python(transport: Choice) -> None:
     async def run() -> None:
         taken: list[ServedCall] = []
 

@@ -66,7 +66,7 @@ def test_plans_are_counted_with_how_long_they_took(gate: threading.Event) -> Non
     assert planning.figures.ended_s > 0.0
 
 
-def test_the_log_lines_of_a_plan_name_the_caller() -> None:
+def test_the_log_rows_of_a_plan_name_the_caller() -> None:
     token = logs.caller.set(lambda: "ipv4:127.0.0.1:1")
     try:
         who = Planning().begin("follow_path", logs.caller.get).result(LIMIT_S)

@@ -219,7 +219,7 @@ def test_a_sample_is_packed_once_for_all_readers(monkeypatch: pytest.MonkeyPatch
     assert packed == [0, 0, 3]
 
 
-def test_states_are_told_from_any_thread_though_nobody_reads() -> None:
+def test_states_are_reported_from_any_thread_though_nobody_reads() -> None:
     async def run() -> None:
         states: asyncio.Queue[State] = asyncio.Queue()
         vehicle = FakeVehicle()

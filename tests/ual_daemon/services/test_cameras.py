@@ -156,7 +156,7 @@ def vehicle(camera: MadeUp) -> Vehicle:
     return Vehicle(Offer(camera))
 
 
-def test_orders_reach_the_camera_as_they_are(vehicle: Vehicle, camera: MadeUp) -> None:
+def test_orders_get_to_the_camera_as_they_are(vehicle: Vehicle, camera: MadeUp) -> None:
     found = Cameras(vehicle)[0]
     found.start_photos(interval_s=2, count=3)
     found.start_photos(distance_m=5.0)
@@ -329,7 +329,7 @@ def test_programs_share_a_picture_that_is_new_enough(
     assert fourth.result(0) is not first.result(0)
 
 
-def test_a_picture_of_which_no_age_is_said_and_one_by_its_number_is_never_shared(
+def test_a_picture_of_which_no_age_is_reported_and_one_by_its_number_is_never_shared(
     vehicle: Vehicle, camera: MadeUp
 ) -> None:
     found = VehicleCameras(vehicle)

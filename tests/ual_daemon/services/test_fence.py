@@ -134,7 +134,7 @@ def refusal_of(begin: Callable[[], Future[Any]]) -> UalError:
     return error
 
 
-def test_a_fence_is_uploaded_and_then_enabled_and_told_as_it_is_kept(vehicle: Vehicle, store: Store) -> None:
+def test_a_fence_is_uploaded_and_then_enabled_and_reported_as_it_is_kept(vehicle: Vehicle, store: Store) -> None:
     kept = upload(vehicle).result(0)
     assert kept == KeptFence((FIELD, POND), (), is_enabled=True)
     assert store.sent == ["zones", "TYPE=7", "ENABLE=1"]
@@ -151,7 +151,7 @@ def test_it_may_be_left_as_it_is_whether_it_is_enabled(vehicle: Vehicle, store: 
     assert store.sent == ["zones"]
 
 
-def test_rally_points_stay_where_none_are_given(vehicle: Vehicle, store: Store) -> None:
+def test_rally_points_stay_where_none_are_passed(vehicle: Vehicle, store: Store) -> None:
     store.points = (RALLY,)
     assert upload(vehicle).result(0).rally_points == (RALLY,)
     only_rally = FencePlan((), (RallyPoint(47.0, 8.0, 1),))
@@ -193,7 +193,7 @@ def test_nothing_is_changed_while_it_may_be_armed_unless_forced(
     assert upload(vehicle, force=True).result(0).zones == PLAN.zones
 
 
-def test_what_changes_on_the_way_stops_it(vehicle: Vehicle, store: Store) -> None:
+def test_what_changes_en_route_stops_it(vehicle: Vehicle, store: Store) -> None:
     def arm() -> None:
         vehicle.armed = "zones" in store.sent
 
@@ -221,7 +221,7 @@ def test_a_lease_of_another_and_a_daemon_that_watches_keep_it_from_changing(vehi
     assert fence.get().result(0) == KeptFence((), (), is_enabled=False)
 
 
-def test_clearing_leaves_rally_points_unless_asked_to(vehicle: Vehicle, store: Store) -> None:
+def test_clearing_leaves_rally_points_unless_requested_to(vehicle: Vehicle, store: Store) -> None:
     store.zones, store.points = PLAN.zones, (RALLY,)
     fence = VehicleFence(vehicle)
     assert fence.clear("mine", with_rally_points=False, force=False).result(0) == KeptFence((), (RALLY,), False)

@@ -180,7 +180,7 @@ def test_a_backend_without_gimbals_refuses() -> None:
     uav.vehicle.close()
 
 
-def test_one_that_is_not_there_and_one_that_is_not_heard_are_refused(lab: Lab) -> None:
+def test_one_that_is_not_there_and_one_that_is_not_received_are_refused(lab: Lab) -> None:
     with pytest.raises(InvalidArgumentError, match="there is no gimbal 1: 0 to 0"):
         lab.uav.gimbals[1].status()
     lab.made_up.facts = replace(lab.made_up.facts, is_connected=False)
@@ -325,7 +325,7 @@ def test_angles_are_those_of_the_orientation_also_straight_down(orientation: Qua
     ("reference", "in_odom"),
     [(BODY, (0.0, 0.3, 0.5 + 0.4)), (HORIZON, (0.0, 0.3, 0.5 + 0.4)), (EARTH, (0.0, 0.3, 0.4))],
 )
-def test_where_it_looks_is_told_in_all_axes(
+def test_where_it_points_is_reported_in_all_axes(
     labs: list[Lab], reference: GimbalReference, in_odom: tuple[float, float, float]
 ) -> None:
     labs.append(lab := Lab())
@@ -347,7 +347,7 @@ def test_where_it_looks_is_told_in_all_axes(
     assert frame.translation == Vector3(0.0, 0.0, -0.1)
 
 
-def test_what_is_not_known_is_not_told(lab: Lab) -> None:
+def test_what_is_not_known_is_not_reported(lab: Lab) -> None:
     status = lab.gimbal.status()
     assert (status.angles, status.in_body, status.in_odom, status.stamp_s) == (None, None, None, None)
     with pytest.raises(WrongStateError, match="it is not known yet where the frame uav_1/gimbal_0 is"):
@@ -374,14 +374,14 @@ def test_it_follows_a_frame_that_moves_until_the_next_order(lab: Lab) -> None:
     assert lab.gimbal.status().target is None
 
 
-def test_how_far_it_looks_beside_its_target_is_told(lab: Lab) -> None:
+def test_how_far_it_points_next_to_its_target_is_reported(lab: Lab) -> None:
     now_s = lab.backend.clock.now_s()
     lab.gimbal.point_at(PointStamped(Vector3(6.0, 2.0, -0.1)))
     lab.made_up.looks = GimbalAttitude(Quaternion.from_euler(0.0, 0.1, 0.0), HORIZON, now_s)
     assert lab.gimbal.status().off_target_rad == pytest.approx(0.1)
 
 
-def test_beyond_its_limits_it_looks_as_near_as_it_can_and_says_so(lab: Lab) -> None:
+def test_beyond_its_limits_it_points_as_near_as_it_can_and_says_so(lab: Lab) -> None:
     lab.gimbal.point_at(PointStamped(Vector3(1.0, 2.0, 10.0)))
     lab.step(0.1)
     assert lab.last == ("aim", GimbalAngles(0.0, -0.5, 0.0), EARTH)
@@ -397,7 +397,7 @@ def test_one_without_a_yaw_axis_only_pitches(labs: list[Lab]) -> None:
     assert lab.gimbal.status().problems == ("it has no yaw axis",)
 
 
-def test_while_the_place_of_the_target_is_not_known_it_stays_and_says_so(lab: Lab) -> None:
+def test_while_the_position_of_the_target_is_not_known_it_stays_and_says_so(lab: Lab) -> None:
     lab.uav.add_frame(Transform(Vector3(4.0, 2.0, 0.0), IDENTITY, "map", "car"))
     lab.gimbal.point_at(PointStamped(Vector3(), "car"))
     lab.uav.remove_frame("car")
@@ -478,7 +478,7 @@ def test_a_limit_that_is_reached_again_and_again_is_logged_once(lab: Lab, caplog
 
 
 @pytest.mark.parametrize("yaw_rad", [0.0, 1.0, -3.0])
-def test_straight_below_it_looks_down(yaw_rad: float) -> None:
+def test_straight_below_it_points_down(yaw_rad: float) -> None:
     aim = aimed(MadeUp().info, Pose.at(0.0, 0.0, 5.0, yaw_rad), Vector3(0.0, 0.0, -5.0))
     assert aim.angles == GimbalAngles(0.0, DOWN, near(yaw_rad))
     assert not aim.limit

@@ -59,31 +59,31 @@ class MadeUp(GripperDriver):
         return self._order(("release", instance))
 
     def gripper_state(self, instance: int) -> Future[GripperState]:
-        return self._said(GripperState.CLOSED)
+        return self._status_text(GripperState.CLOSED)
 
     def order_winch(self, instance: int, order: WinchOrder) -> Future[None]:
         return self._order((instance, order))
 
     def winch_status(self, instance: int) -> Future[WinchStatus]:
-        return self._said(WinchStatus(length_m=3.0))
+        return self._status_text(WinchStatus(length_m=3.0))
 
     def set_servo(self, order: ServoOrder) -> Future[None]:
         return self._order(order)
 
     def servo_pwm_us(self, channel: int) -> Future[int]:
-        return self._said({9: 1900, 10: 1500}[channel])
+        return self._status_text({9: 1900, 10: 1500}[channel])
 
     def set_relay(self, number: int, *, is_on: bool) -> Future[None]:
         return self._order((number, is_on))
 
     def relay_is_on(self, number: int) -> Future[bool]:
-        return self._said(True)
+        return self._status_text(True)
 
     def _order(self, order: object) -> Future[None]:
         self.orders.append(order)
         return self.answer()
 
-    def _said(self, value: T) -> Future[T]:
+    def _status_text(self, value: T) -> Future[T]:
         if self.unknown is None:
             return done(value)
         failed: Future[T] = Future()
@@ -133,7 +133,7 @@ def carried(vehicle: Vehicle) -> Gripper:
     return Gripper(vehicle, lambda: "mine")
 
 
-def test_orders_reach_the_autopilot_by_their_numbers(carried: Gripper, autopilot: MadeUp, vehicle: Vehicle) -> None:
+def test_orders_get_to_the_autopilot_by_their_numbers(carried: Gripper, autopilot: MadeUp, vehicle: Vehicle) -> None:
     carried.grip()
     carried.release("claw")
     carried.order_winch(WinchAction.LENGTH, length_m=-20.0, rate_m_s=1.5)
@@ -229,7 +229,7 @@ def test_without_an_offer_nothing_is_there() -> None:
         carried.release()
 
 
-def test_what_is_and_what_was_ordered_are_told_apart(carried: Gripper) -> None:
+def test_what_is_and_what_was_ordered_are_distinguished(carried: Gripper) -> None:
     carried.release()
     carried.set_servo(servo="vent", pwm_us=1450)
     carried.order_winch(WinchAction.LENGTH, length_m=2.5)
@@ -253,7 +253,7 @@ def test_what_the_autopilot_does_not_say_is_unknown_with_the_reason(carried: Gri
     assert (found.relays[0].is_on, found.relays[0].note) == (None, "no autopilot is heard")
 
 
-def test_an_order_under_way_keeps_its_device(vehicle: Vehicle, autopilot: MadeUp) -> None:
+def test_an_order_in_progress_keeps_its_device(vehicle: Vehicle, autopilot: MadeUp) -> None:
     waiting: list[Future[None]] = []
 
     def answer() -> Future[None]:
@@ -272,7 +272,7 @@ def test_an_order_under_way_keeps_its_device(vehicle: Vehicle, autopilot: MadeUp
     assert len(autopilot.orders) == 3
 
 
-def test_an_order_that_never_ends_is_given_up(
+def test_an_order_that_never_ends_is_abandoned(
     carried: Gripper, autopilot: MadeUp, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     limit(monkeypatch, "Release", 0.0)

@@ -107,7 +107,7 @@ def test_a_command_that_comes_while_it_is_read_is_not_replaced(
     assert lab.uav.vehicle.commands.last_command is before
 
 
-def test_a_mission_is_not_changed_while_its_start_is_under_way(lab: Lab) -> None:
+def test_a_mission_is_not_changed_while_its_start_is_in_progress(lab: Lab) -> None:
     """Until the autopilot was in its mode, another program could bring another one, which nothing had checked."""
     lab.read()
     assert lab.starting.done()
@@ -133,7 +133,7 @@ def test_a_mission_that_is_changed_after_it_was_read_does_not_begin(lab: Lab, is
 
 
 @pytest.mark.parametrize("last", [ReturnToLaunch(), HoldTime(3.0)])
-def test_a_mission_begins_with_its_last_item_though_that_leads_to_no_place(lab: Lab, last: Item) -> None:
+def test_a_mission_begins_with_its_last_item_though_that_leads_to_no_position(lab: Lab, last: Item) -> None:
     """Its dry run failed as a defect of UAL."""
     lab.offer.downloaded.set_result(KeptMission((lab.here(), last), "1"))
     starting = VehicleMission(lab.uav.vehicle).start(2, None, "")

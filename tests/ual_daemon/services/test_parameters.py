@@ -169,7 +169,7 @@ def test_a_lease_and_a_daemon_that_watches_keep_from_writing(vehicle: Vehicle) -
         set_(vehicle)
 
 
-def test_what_is_not_offered_is_not_supported() -> None:
+def test_what_is_not_available_is_not_supported() -> None:
     with pytest.raises(NotSupportedError, match="the backend made_up of uav_1 does not offer them"):
         VehicleParameters(Vehicle(None)).get(GAIN)
 
@@ -239,7 +239,7 @@ class DescribingOffer(Offer):
         return future
 
 
-def test_what_the_autopilot_tells_stands_beside_the_value() -> None:
+def test_what_the_autopilot_tells_stands_next_to_the_value() -> None:
     offer = DescribingOffer()
     parameters = VehicleParameters(Vehicle(offer))
     offer.reading.set_result(Parameter(GAIN, 1.0, REAL32))

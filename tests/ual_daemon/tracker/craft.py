@@ -153,7 +153,7 @@ def _tilted(acceleration: Vector3) -> Quaternion:
     return Quaternion(-up.y / (2.0 * half), up.x / (2.0 * half), 0.0, half)
 
 
-class Flown:
+class FlightTrace:
     """Flight of a craft: references as the flight steps them, one after the other."""
 
     def __init__(self, craft: Craft) -> None:

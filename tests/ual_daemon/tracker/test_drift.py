@@ -96,7 +96,7 @@ def test_an_error_that_comes_and_goes_moves_it_by_less_than_half_a_metre() -> No
     assert max(width(places, axis) for axis in "xyz") < 0.5
 
 
-def test_it_takes_its_place_where_it_comes_to_rest() -> None:
+def test_it_replaces_it_where_it_comes_to_rest() -> None:
     mass = Mass()
     mass.fly(Vector3(3.0, 0.0, 0.0), 6.0)
     stop = [place.x for place in mass.fly(Vector3(), 10.0)]
@@ -104,7 +104,7 @@ def test_it_takes_its_place_where_it_comes_to_rest() -> None:
     assert max(stop) - stop[-1] < 0.05  # it does not come back
 
 
-def test_a_line_and_a_height_are_held_while_it_brakes_and_accelerates() -> None:
+def test_a_path_and_a_height_are_held_while_it_brakes_and_accelerates() -> None:
     mass = Mass(error=Vector3(0.0, 0.15, 0.1))
     places: list[Vector3] = []
     mass.fly(Vector3(), 20.0)
@@ -114,7 +114,7 @@ def test_a_line_and_a_height_are_held_while_it_brakes_and_accelerates() -> None:
     assert width(places, "z") < 0.02
 
 
-def test_a_line_is_held_while_a_gust_comes_and_it_turns_round() -> None:
+def test_a_path_is_held_while_a_gust_comes_and_it_turns_round() -> None:
     mass = Mass()
     mass.fly(Vector3(1.0, 0.0, 0.0), 5.0)
     for _ in range(10):
@@ -204,7 +204,9 @@ def test_whatever_happens_it_stays_small_and_does_not_jump(
 
 @settings(max_examples=20, deadline=None)
 @given(st.lists(st.tuples(vectors(0.7), vectors(MOST_LAG_M * 3), st.floats(0.0, 1.0)), max_size=6))
-def test_neither_a_command_nor_a_place_that_jumps_makes_it_jump(phases: list[tuple[Vector3, Vector3, float]]) -> None:
+def test_neither_a_command_nor_a_position_that_jumps_makes_it_jump(
+    phases: list[tuple[Vector3, Vector3, float]],
+) -> None:
     mass = Mass()
     for commanded, jump, duration_s in phases:
         mass.position += jump

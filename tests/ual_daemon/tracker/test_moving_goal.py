@@ -86,7 +86,7 @@ def test_the_maximum_speed_holds_on_a_diagonal_too(uav: Stepped, car_m_s: float)
     assert max(sample.velocity.linear.norm() for sample in uav.samples if sample.velocity) <= 0.52
 
 
-def test_a_slow_way_to_a_car_does_not_time_out(uav: Stepped) -> None:
+def test_a_slow_path_to_a_car_does_not_time_out(uav: Stepped) -> None:
     car = Followed(uav, steady(0.0))
     car.run(1.0)
     task = uav.prepare.go_to_waypoint(over_the_car(), max_speed_m_s=0.05).begin()

@@ -29,7 +29,7 @@ def flying(request: pytest.FixtureRequest) -> Iterator[Stepped]:
         yield uav
 
 
-def distance_from_line(p: Vector3, a: Vector3, b: Vector3) -> float:
+def path_distance(p: Vector3, a: Vector3, b: Vector3) -> float:
     line = b - a
     along = max(0.0, min(1.0, (p - a).dot(line) / line.dot(line)))
     return (p - a - line * along).norm()
@@ -40,13 +40,13 @@ def test_a_waypoint_is_reached_straight_and_without_overshoot(flying: Stepped) -
     flying.end(flying.prepare.go_to_waypoint(at(goal.x, goal.y, goal.z, 1.2)).begin().future)
     flying.run(5.0)
     positions = [sample.pose.position for sample in flying.samples if sample.pose]
-    assert max(distance_from_line(p, begin, goal) for p in positions) < 0.15
+    assert max(path_distance(p, begin, goal) for p in positions) < 0.15
     assert max((p - begin).dot(goal - begin) for p in positions) < (goal - begin).dot(goal - begin) * 1.01
     assert (flying.pose.position - goal).norm() < 0.05
     assert flying.pose.yaw_rad == pytest.approx(1.2, abs=0.05)
 
 
-def test_a_path_stops_at_each_corner_or_cuts_it_by_less_than_the_look_ahead(flying: Stepped) -> None:
+def test_a_path_stops_at_each_corner_or_cuts_it_by_less_than_the_lead(flying: Stepped) -> None:
     corners = [Vector3(6, 0, 3), Vector3(6, 6, 3), Vector3(0, 6, 3)]
     for radius_m, widest in ((0.0, 0.5), (1.0, 2.0)):
         flying.end(flying.prepare.go_to_waypoint(at(0, 0, 3)).begin().future)
@@ -74,7 +74,7 @@ def test_each_leg_keeps_its_own_speed_limit(flying: Stepped) -> None:
     assert 0.25 <= max(speed for position, speed in moved if position.y > 1.0) <= 0.33
 
 
-def test_a_uav_that_is_pushed_off_the_line_comes_back_to_it(flying: Stepped) -> None:
+def test_a_uav_that_is_pushed_off_the_path_comes_back_to_it(flying: Stepped) -> None:
     task = flying.prepare.go_to_waypoint(at(20.0, 0.0, 3.0)).begin()
     flying.until(lambda: flying.pose.position.x > 5.0)
     flying.sim.set_wind(Vector3(0.0, 3.0, 0.0))

@@ -64,19 +64,19 @@ def test_the_measured_motion_is_that_of_the_snapshot() -> None:
     assert measured_motion(at(Vector3(1, 2, 3))).velocity == Vector3()
 
 
-def line() -> StraightTrajectory:
+def row() -> StraightTrajectory:
     return StraightTrajectory(Motion(Vector3(), 0.0), Vector3(10, 0, 0), 1.0, LIMITS)
 
 
 def test_a_uav_that_keeps_up_gets_the_trajectory_in_real_time() -> None:
-    follow = TrajectoryReference(line(), now_s=0.0)
+    follow = TrajectoryReference(row(), now_s=0.0)
     position, time_s = Vector3(), 0.0
     while not follow.is_finished:
         time_s += STEP_S
         setpoint = follow.setpoint(at(position, time_s))
         assert isinstance(setpoint, PositionSetpoint)
         position = setpoint.position
-        assert follow.time_s == pytest.approx(min(time_s, line().duration_s))
+        assert follow.time_s == pytest.approx(min(time_s, row().duration_s))
     assert position == Vector3(10, 0, 0)
     pose = follow.pose()
     assert pose is not None
@@ -84,7 +84,7 @@ def test_a_uav_that_keeps_up_gets_the_trajectory_in_real_time() -> None:
 
 
 def test_the_reference_waits_for_a_uav_that_is_stuck_and_goes_on_once_it_moves() -> None:
-    follow = TrajectoryReference(line(), now_s=0.0)
+    follow = TrajectoryReference(row(), now_s=0.0)
     setpoint = None
     for i in range(1, 3000):
         setpoint = follow.setpoint(at(Vector3(), i * STEP_S))
@@ -101,7 +101,7 @@ def test_the_reference_waits_for_a_uav_that_is_stuck_and_goes_on_once_it_moves()
 
 
 def test_a_pause_between_updates_does_not_make_the_reference_jump() -> None:
-    follow = TrajectoryReference(line(), now_s=0.0)
+    follow = TrajectoryReference(row(), now_s=0.0)
     follow.setpoint(at(Vector3(), 5.0))
     assert follow.time_s <= 0.2
     follow.setpoint(at(Vector3(), 4.0))  # nor does a clock that goes back
@@ -109,7 +109,7 @@ def test_a_pause_between_updates_does_not_make_the_reference_jump() -> None:
 
 
 def test_without_a_pose_the_reference_waits() -> None:
-    follow = TrajectoryReference(line(), now_s=0.0)
+    follow = TrajectoryReference(row(), now_s=0.0)
     follow.setpoint(changed(at(Vector3(), 0.1), pose=None))
     assert follow.time_s == 0.0
 

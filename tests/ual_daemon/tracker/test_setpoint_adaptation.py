@@ -75,7 +75,7 @@ def test_velocities_are_sent_as_they_are(takes: Takes) -> None:
     assert adapted(velocity, VehicleInfo(takes=takes), HERE, Limits) is velocity
 
 
-def flown(takes: str, light: dict[str, Any]) -> tuple[float, float, float]:
+def executed(takes: str, light: dict[str, Any]) -> tuple[float, float, float]:
     """Returns the duration of a go-to with a quarter turn in s, its widest distance from the line, and overshoot."""
     with stepped(AS_FAST_AS_IT_IS, light={**light, "takes": takes}) as uav:
         uav.fly()
@@ -94,8 +94,8 @@ def flown(takes: str, light: dict[str, Any]) -> tuple[float, float, float]:
 
 @pytest.mark.parametrize("light", [{}, FAST], ids=["slow", "fast"])
 def test_by_velocities_alone_it_flies_as_fast_and_straight_as_with_feed_forward(light: dict[str, Any]) -> None:
-    full_s, _, _ = flown("all", light)
-    duration_s, widest_m, overshoot_m = flown("velocities", light)
+    full_s, _, _ = executed("all", light)
+    duration_s, widest_m, overshoot_m = executed("velocities", light)
     assert duration_s <= 1.05 * full_s
     assert overshoot_m < 0.02
     assert widest_m < 0.02

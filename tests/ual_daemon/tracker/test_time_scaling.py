@@ -45,7 +45,7 @@ def sent_motions(trajectory: Trajectory, lag: Random, duration_s: float) -> list
 
 @settings(max_examples=10)
 @given(vectors(60.0), st.integers(0, 10_000), LIMIT_SETS)
-def test_a_line_that_waits_keeps_its_limits(goal: Vector3, seed: int, limits: Limits) -> None:
+def test_a_straight_that_waits_keeps_its_limits(goal: Vector3, seed: int, limits: Limits) -> None:
     assert_kept(
         sent_motions(StraightTrajectory(Motion(Vector3(), 0.0), goal, 2.0, limits), Random(seed), 20.0),
         limits,
@@ -176,7 +176,7 @@ def paused_motions(follow: TrajectoryReference, spans: list[tuple[float, float]]
     st.sampled_from(PathHeading),
     LIMIT_SETS,
 )
-def test_a_pause_keeps_the_path_and_the_limits_and_is_flown_to_the_end(
+def test_a_pause_keeps_the_path_and_the_limits_and_is_completed(
     goals: list[PathWaypoint], spans: list[tuple[float, float]], radius_m: float, heading: PathHeading, limits: Limits
 ) -> None:
     found = path(Motion(Vector3(), 0.0), goals, radius_m, limits, heading, Vector3(5.0, 5.0, 0.0))

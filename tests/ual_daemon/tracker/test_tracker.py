@@ -13,7 +13,7 @@ import pytest
 
 from tests.ual_daemon.stepped import STEP_S, Stepped, at, stepped
 from tests.ual_daemon.trajectory.test_straight import time_optimal_s
-from tests.ual_daemon.trajectory.trajectories import assert_kept, distance_from_line, distance_from_path
+from tests.ual_daemon.trajectory.trajectories import assert_kept, distance_from_path, path_distance
 from ual.errors import UalTimeoutError
 from ual.geometry import PoseStamped, Vector3
 from ual.types import Limits, State, Telemetry
@@ -51,7 +51,7 @@ def positions(samples: Sequence[Telemetry]) -> list[Vector3]:
     return [sample.pose.position for sample in samples if sample.pose is not None]
 
 
-def fly_line(uav: Stepped, goal: Vector3, yaw_rad: float) -> tuple[float, float, float]:
+def fly_straight(uav: Stepped, goal: Vector3, yaw_rad: float) -> tuple[float, float, float]:
     """Returns the largest distance from the line, the overshoot, and the duration."""
     begin = uav.pose.position
     begun_s = uav.vehicle.backend.clock.now_s()
@@ -85,7 +85,7 @@ def test_a_go_to_is_straight_and_time_optimal_and_does_not_overshoot(
     with flying(light) as uav:
         way = goal - uav.pose.position
         limits, direction = uav.vehicle.info().limits, way / way.norm()
-        widest_m, over_m, took_s = fly_line(uav, goal, yaw_rad)
+        widest_m, over_m, took_s = fly_straight(uav, goal, yaw_rad)
         assert widest_m <= 0.02
         assert over_m <= 0.01
         acceleration = acceleration_limit(direction, limits)
@@ -94,9 +94,9 @@ def test_a_go_to_is_straight_and_time_optimal_and_does_not_overshoot(
 
 
 @pytest.mark.parametrize("wind", [(3.0, 0.0, 0.0), (0.0, 3.0, 0.0), (-2.0, 2.0, 1.0)])
-def test_wind_does_not_push_a_go_to_off_its_line(wind: tuple[float, float, float]) -> None:
+def test_wind_does_not_push_a_go_to_off_its_path(wind: tuple[float, float, float]) -> None:
     with flying({"wind_m_s": wind}) as uav:
-        widest_m, over_m, _ = fly_line(uav, Vector3(10.0, 4.0, 8.0), 1.0)
+        widest_m, over_m, _ = fly_straight(uav, Vector3(10.0, 4.0, 8.0), 1.0)
         assert widest_m <= 0.10
         assert over_m <= 0.10
 
@@ -218,8 +218,7 @@ def test_a_start_in_motion_bends_smoothly_to_a_new_goal() -> None:
         flown_positions = positions(uav.samples)
         late = flown_positions[len(flown_positions) // 2 :]
         assert (
-            max(distance_from_line(position, late[0], Vector3(turning_point.x + 5.0, 8.0, 5.0)) for position in late)
-            <= 0.02
+            max(path_distance(position, late[0], Vector3(turning_point.x + 5.0, 8.0, 5.0)) for position in late) <= 0.02
         )
 
 

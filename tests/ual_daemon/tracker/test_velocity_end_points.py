@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tests.ual_daemon.tracker.craft import ARDUPILOT, LIMITS, PX4, STEP_S, Craft, ErrorAt, Flown
+from tests.ual_daemon.tracker.craft import ARDUPILOT, LIMITS, PX4, STEP_S, Craft, ErrorAt, FlightTrace
 from ual.geometry import Vector3
 from ual_daemon.backends.values import VelocityResponses
 from ual_daemon.tracker.references import Hold, TrajectoryReference
@@ -57,34 +57,34 @@ class Errors:
         return at
 
 
-def hold(flown: Flown) -> None:
+def hold(flown: FlightTrace) -> None:
     flown.fly(Hold(Vector3(), 0.0), 6.0)
 
 
-def go_to(flown: Flown) -> None:
+def go_to(flown: FlightTrace) -> None:
     hold(flown)
     line = StraightTrajectory(Motion(Vector3(), 0.0), Vector3(30.0, -10.0, 2.0), 0.0, LIMITS)
     flown.fly(TrajectoryReference(line, flown.craft.now_s), 5.0)
 
 
-def corner(flown: Flown) -> None:
+def corner(flown: FlightTrace) -> None:
     hold(flown)
     waypoints = [PathWaypoint(Vector3(6.0), 0.0), PathWaypoint(Vector3(6.0, 20.0), 0.0)]
     chain = path(Motion(Vector3(), 0.0), waypoints, 3.0, LIMITS)
     flown.fly(TrajectoryReference(chain, flown.craft.now_s), _CORNER_AFTER_S)
 
 
-def turn(flown: Flown) -> None:
+def turn(flown: FlightTrace) -> None:
     hold(flown)
     flown.fly(flown.velocity(Vector3(1.0, -1.0)), 5.0)
 
 
-def stopped(flown: Flown) -> None:
+def stopped(flown: FlightTrace) -> None:
     turn(flown)
     flown.fly(flown.velocity(Vector3()), 1.0)
 
 
-BEGINNINGS: Sequence[Callable[[Flown], None]] = (hold, go_to, corner, turn, stopped)
+BEGINNINGS: Sequence[Callable[[FlightTrace], None]] = (hold, go_to, corner, turn, stopped)
 amplitudes = st.builds(Vector3, st.floats(-0.5, 0.5), st.floats(-0.5, 0.5), st.floats(-0.2, 0.2))
 angles, speeds = st.floats(0.0, math.tau), st.floats(0.3, 3.0)
 errors = st.builds(
@@ -111,9 +111,9 @@ class Off:
     change_m_s2: float
 
 
-def fly(craft: Craft, begin: Callable[[Flown], None], velocities: Sequence[Vector3]) -> Off:
+def fly(craft: Craft, begin: Callable[[FlightTrace], None], velocities: Sequence[Vector3]) -> Off:
     """Flies the velocities, each for the same part of `FLOWN_S`."""
-    flown, twin = Flown(craft), Flown(Craft(craft.responses))
+    flown, twin = FlightTrace(craft), FlightTrace(Craft(craft.responses))
     begin(flown)
     begin(twin)
     begun_m = (flown.craft.estimate - twin.craft.estimate).horizontal_norm()
@@ -141,7 +141,7 @@ def along(angle_rad: float, speed_m_s: float) -> Vector3:
 @settings(max_examples=5, deadline=None)
 @given(errors=errors, angle_rad=angles, speed_m_s=speeds)
 def test_px4_is_led_from_the_first_moment_on(
-    begin: Callable[[Flown], None], errors: Errors, angle_rad: float, speed_m_s: float
+    begin: Callable[[FlightTrace], None], errors: Errors, angle_rad: float, speed_m_s: float
 ) -> None:
     off = fly(errors.craft(PX4), begin, [along(angle_rad, speed_m_s)])
     assert off.beside_m < BESIDE_M + (off.begun_m if begin is go_to else 0.0)  # a fast go-to is off its way already
@@ -154,7 +154,7 @@ def test_px4_is_led_from_the_first_moment_on(
 @settings(max_examples=3, deadline=None)
 @given(errors=errors, angle_rad=angles, speed_m_s=speeds)
 def test_arducopter_is_led_from_the_first_moment_on(
-    begin: Callable[[Flown], None], errors: Errors, angle_rad: float, speed_m_s: float
+    begin: Callable[[FlightTrace], None], errors: Errors, angle_rad: float, speed_m_s: float
 ) -> None:
     errors = replace(errors, velocity_m_s=errors.velocity_m_s * 0.2, drag_1_s=0.0)  # its estimate errs by less
     off = fly(errors.craft(ARDUPILOT), begin, [along(angle_rad, speed_m_s)])
@@ -175,7 +175,7 @@ def test_a_change_of_direction_each_second_carries_it_nowhere_else(
 
 @settings(max_examples=5, deadline=None)
 @given(errors=errors, angle_rad=angles)
-def test_drag_that_is_not_learned_yet_shortens_the_way_by_less_than_a_twentieth(
+def test_drag_that_is_not_learned_yet_shortens_the_path_by_less_than_a_twentieth(
     errors: Errors, angle_rad: float
 ) -> None:
     errors = replace(errors, drag_1_s=1.0)  # that of PX4's simulator: of a real multirotor it is 0.1 to 0.5
@@ -188,7 +188,7 @@ def test_drag_that_is_not_learned_yet_shortens_the_way_by_less_than_a_twentieth(
 @pytest.mark.parametrize("commanded", [Vector3(), Vector3(0.0, 1.0), Vector3(-2.0)])
 def test_px4_brakes_out_of_a_fast_go_to_as_is_expected(drag_1_s: float, commanded: Vector3) -> None:
     """Its integral, wound up while it brakes, held it 0.6 to 0.7 m before the place for seconds."""
-    flown = Flown(Errors(drag_1_s=drag_1_s).craft(PX4))
+    flown = FlightTrace(Errors(drag_1_s=drag_1_s).craft(PX4))
     hold(flown)
     line = StraightTrajectory(Motion(Vector3(), 0.0), Vector3(60.0), 0.0, replace(LIMITS, horizontal_speed_m_s=5.0))
     reference = TrajectoryReference(line, flown.craft.now_s)
@@ -203,7 +203,7 @@ def test_px4_brakes_out_of_a_fast_go_to_as_is_expected(drag_1_s: float, commande
 
 
 def test_a_velocity_of_0_after_a_hold_is_not_felt() -> None:
-    flown = Flown(Errors(velocity_m_s=Vector3(0.4, -0.4)).craft(PX4))
+    flown = FlightTrace(Errors(velocity_m_s=Vector3(0.4, -0.4)).craft(PX4))
     hold(flown)
     before = flown.craft.acceleration
     still = flown.velocity(Vector3())
@@ -214,7 +214,7 @@ def test_a_velocity_of_0_after_a_hold_is_not_felt() -> None:
 
 def test_it_rests_where_it_stops_and_is_not_pulled_back() -> None:
     for responses in (PX4, ARDUPILOT):
-        flown = Flown(Errors(drag_1_s=0.3).craft(responses))
+        flown = FlightTrace(Errors(drag_1_s=0.3).craft(responses))
         hold(flown)
         flown.fly(flown.velocity(Vector3(5.0)), 8.0)
         stop = [place.x for place in flown.fly(flown.velocity(Vector3()), 10.0)]
@@ -223,7 +223,7 @@ def test_it_rests_where_it_stops_and_is_not_pulled_back() -> None:
 
 @pytest.mark.parametrize("speed_m_s", [0.3, 1.0, 3.0])
 def test_what_stops_it_is_pushed_for_moments_only_and_left_without_a_pull(speed_m_s: float) -> None:
-    flown = Flown(Craft(PX4))
+    flown = FlightTrace(Craft(PX4))
     hold(flown)
     ahead = flown.velocity(Vector3(speed_m_s))
     flown.fly(ahead, 5.0)

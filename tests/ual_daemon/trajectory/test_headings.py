@@ -91,7 +91,7 @@ def test_by_waypoints_it_turns_in_step_with_each_leg(radius_m: float) -> None:
     assert halfway.yaw_rad == pytest.approx(0.75, abs=0.05)
 
 
-def test_a_leg_that_is_too_short_for_its_turn_is_flown_slower() -> None:
+def test_a_leg_that_is_too_short_for_its_turn_is_executed_slower() -> None:
     turning = [PathWaypoint(Vector3(2.0 * i, 0, 0), 2.0 * (i % 2)) for i in range(1, 6)]
     found = path(Motion(Vector3(), 0.0), turning, 0.5, LIMITS)
     straight = path(Motion(Vector3(), 0.0), [PathWaypoint(goal.position) for goal in turning], 0.5, LIMITS)
@@ -183,12 +183,12 @@ def test_a_path_to_the_point_itself_ends_and_stands_still(
     assert_kept(sampled(found), LIMITS)
 
 
-def test_a_point_of_interest_must_be_given() -> None:
+def test_a_point_of_interest_must_be_specified() -> None:
     with pytest.raises(InvalidArgumentError, match="point_of_interest"):
         path(Motion(Vector3(), 0.0), SQUARE, 1.0, LIMITS, PathHeading.POINT_OF_INTEREST)
 
 
-def test_all_headings_take_the_same_way() -> None:
+def test_all_headings_take_the_same_manner() -> None:
     places: list[list[Vector3]] = []
     for heading in (PathHeading.WAYPOINTS, PathHeading.FIXED, PathHeading.POINT_OF_INTEREST):
         found: Trajectory = path(Motion(Vector3(), 0.0), SQUARE, 1.0, LIMITS, heading, Vector3(5, 5, 0))

@@ -18,7 +18,7 @@ PATHS = st.lists(st.builds(PathWaypoint, vectors(30.0), st.none() | ANGLES), min
 
 
 @given(vectors(30.0), PATHS, st.sampled_from([0.0, 0.5, 3.0]), LIMIT_SETS)
-def test_the_way_is_near_its_outline(
+def test_the_path_is_near_its_outline(
     start: Vector3, goals: list[PathWaypoint], radius_m: float, limits: Limits
 ) -> None:
     found = path(Motion(start, 0.0), goals, radius_m, limits)
@@ -35,14 +35,14 @@ def test_a_start_in_motion_bends(goal: Vector3, velocity: Vector3, limits: Limit
     assert all(distance_from_path(motion.position, [points[0], *points]) < 0.1 for _, motion in moments(found, 200))
 
 
-def test_a_line_has_two_points() -> None:
+def test_a_path_has_two_points() -> None:
     assert outline(StraightTrajectory(Motion(Vector3(), 0.0), Vector3(5.0, 0.0, 1.0), 1.0, Limits())) == [
         Vector3(),
         Vector3(5.0, 0.0, 1.0),
     ]
 
 
-def test_what_stays_is_a_place() -> None:
+def test_what_stays_is_a_position() -> None:
     assert outline(StraightTrajectory(Motion(Vector3(), 0.0), Vector3(), 1.0, Limits())) == [Vector3()]
 
 

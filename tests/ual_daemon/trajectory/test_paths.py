@@ -62,7 +62,7 @@ def test_a_path_from_rest_passes_its_waypoints_within_radius_and_limits(
 
 
 @given(vectors(30.0), PATHS, st.sampled_from([0.0, 1.0, 20.0]))
-def test_the_way_left_only_shrinks_and_waypoints_come_in_order(
+def test_the_path_left_only_shrinks_and_waypoints_come_in_order(
     start: Vector3, goals: list[PathWaypoint], radius_m: float
 ) -> None:
     found = path(Motion(start, 0.0), goals, radius_m, LIMITS)
@@ -107,7 +107,7 @@ def test_without_a_radius_it_stops_at_each_corner() -> None:
         assert min((p - corner).norm() for p in slow) <= 0.02
 
 
-def test_with_a_radius_it_never_stops_on_the_way_and_is_faster() -> None:
+def test_with_a_radius_it_never_stops_en_route_and_is_faster() -> None:
     goals = waypoints((5, 0, 0), (5, 5, 0), (0, 5, 0))
     rounded = path(Motion(Vector3(), 0.0), goals, 1.0, LIMITS)
     assert isinstance(rounded, Run)
@@ -120,7 +120,7 @@ def test_with_a_radius_it_never_stops_on_the_way_and_is_faster() -> None:
     assert any(p.y > 1e-6 for p in places if p.x < 4.1)
 
 
-def test_a_waypoint_on_a_straight_way_is_passed_at_full_speed() -> None:
+def test_a_waypoint_on_a_straight_path_is_passed_at_full_speed() -> None:
     found = path(Motion(Vector3(), 0.0), waypoints((10, 0, 0), (20, 0, 0)), 1.0, LIMITS)
     speed = next(m.velocity.norm() for _, m in moments(found, 2000) if m.position.x >= 10.0)
     assert speed == pytest.approx(LIMITS.horizontal_speed_m_s)
@@ -139,7 +139,7 @@ def test_a_waypoint_on_a_straight_way_is_passed_at_full_speed() -> None:
         [(5, 0, 0), (5, 1e-9, 0), (5, 5, 0)],
     ],
 )
-def test_duplicates_and_reversals_are_flown_with_stops(
+def test_duplicates_and_reversals_are_executed_with_stops(
     places: list[tuple[float, float, float]], radius_m: float
 ) -> None:
     found = path(Motion(Vector3(), 0.0), waypoints(*places), radius_m, LIMITS)
@@ -162,7 +162,7 @@ def test_a_turn_on_the_spot_within_a_path_is_made_standing() -> None:
     assert_kept(sampled(found), LIMITS)
 
 
-def test_a_heading_that_is_not_given_is_the_one_before() -> None:
+def test_a_heading_that_is_not_passed_is_the_one_before() -> None:
     goals = [PathWaypoint(Vector3(5, 0, 0), 1.0), PathWaypoint(Vector3(5, 5, 0)), PathWaypoint(Vector3(0, 5, 0), -1.0)]
     found = path(Motion(Vector3(), 0.5), goals, 0.0, LIMITS)
     at_corners = [found.at(time_s).yaw_rad for time_s in corner_times(found, [goal.position for goal in goals])]

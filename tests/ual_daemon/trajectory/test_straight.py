@@ -19,8 +19,8 @@ from tests.ual_daemon.trajectory.trajectories import (
     assert_rests_at,
     assert_straight_between_bends,
     died_out,
-    distance_from_line,
     moments,
+    path_distance,
     sampled,
 )
 from ual.geometry import Vector3, wrap_angle
@@ -74,7 +74,7 @@ def test_the_speed_along_a_direction_is_the_largest_within_both_limits(way: Vect
 
 
 @given(vectors(500.0), ANGLES, vectors(500.0), ANGLES, LIMIT_SETS)
-def test_a_line_from_rest_is_straight_within_limits_and_ends_at_rest_at_the_goal(
+def test_a_path_from_rest_is_straight_within_limits_and_ends_at_rest_at_the_goal(
     start: Vector3, start_yaw: float, goal: Vector3, goal_yaw: float, limits: Limits
 ) -> None:
     line = StraightTrajectory(Motion(start, start_yaw), goal, goal_yaw, limits)
@@ -87,7 +87,7 @@ def test_a_line_from_rest_is_straight_within_limits_and_ends_at_rest_at_the_goal
     assert_kept(sampled(line), limits)
     turn = abs(wrap_angle(goal_yaw - start_yaw))
     for _, motion in moments(line):
-        assert distance_from_line(motion.position, start, goal) <= 1e-6
+        assert path_distance(motion.position, start, goal) <= 1e-6
         # The shortest turn, and never beyond it.
         turned = abs(wrap_angle(motion.yaw_rad - start_yaw))
         left = abs(wrap_angle(goal_yaw - motion.yaw_rad))
@@ -95,7 +95,7 @@ def test_a_line_from_rest_is_straight_within_limits_and_ends_at_rest_at_the_goal
 
 
 @given(vectors(500.0), vectors(500.0), LIMIT_SETS)
-def test_a_line_is_as_fast_as_its_limits_allow(start: Vector3, goal: Vector3, limits: Limits) -> None:
+def test_a_path_is_as_fast_as_its_limits_allow(start: Vector3, goal: Vector3, limits: Limits) -> None:
     way = goal - start
     assume(way.norm() > 1e-3)
     direction = way / way.norm()
@@ -105,7 +105,7 @@ def test_a_line_is_as_fast_as_its_limits_allow(start: Vector3, goal: Vector3, li
 
 
 @given(vectors(50.0), ANGLES, LIMIT_SETS)
-def test_the_heading_ends_with_the_line(goal: Vector3, yaw: float, limits: Limits) -> None:
+def test_the_heading_ends_with_the_path(goal: Vector3, yaw: float, limits: Limits) -> None:
     line = StraightTrajectory(Motion(Vector3(), 0.0), goal, yaw, limits)
     assume(goal.norm() > 0.1)
     assume(abs(yaw) > 0.1)
@@ -116,7 +116,7 @@ def test_the_heading_ends_with_the_line(goal: Vector3, yaw: float, limits: Limit
 
 
 @given(vectors(500.0), vectors(500.0), ANGLES, LIMIT_SETS)
-def test_a_line_never_goes_back(start: Vector3, goal: Vector3, yaw: float, limits: Limits) -> None:
+def test_a_path_never_goes_back(start: Vector3, goal: Vector3, yaw: float, limits: Limits) -> None:
     line = StraightTrajectory(Motion(start, 0.0), goal, yaw, limits)
     left = [line.length_left_m(time_s) for time_s, _ in moments(line)]
     assert left[0] == pytest.approx((goal - start).norm(), abs=1e-9)
@@ -125,7 +125,7 @@ def test_a_line_never_goes_back(start: Vector3, goal: Vector3, yaw: float, limit
 
 
 @given(vectors(100.0), vectors(2.0), vectors(1.0), st.floats(-1.0, 1.0), vectors(100.0), ANGLES, LIMIT_SETS)
-def test_a_line_from_any_motion_begins_with_it_keeps_the_limits_and_ends_at_rest_at_the_goal(
+def test_a_path_from_any_motion_begins_with_it_keeps_the_limits_and_ends_at_rest_at_the_goal(
     start: Vector3,
     velocity: Vector3,
     acceleration: Vector3,
@@ -152,7 +152,7 @@ def test_a_line_from_any_motion_begins_with_it_keeps_the_limits_and_ends_at_rest
 
 
 @given(vectors(30.0), st.floats(-1.0, 1.0), vectors(30.0), LIMIT_SETS)
-def test_a_line_from_a_motion_along_it_or_back_is_straight_behind_its_bend(
+def test_a_path_from_a_motion_along_it_or_back_is_straight_behind_its_bend(
     goal: Vector3, share: float, aside: Vector3, limits: Limits
 ) -> None:
     assume(goal.norm() > 0.01)
@@ -208,7 +208,7 @@ def test_limits_that_are_lowered_in_flight_are_come_back_to_without_a_step(
 
 @given(vectors(30.0), st.floats(0.0, 1.0), LIMIT_SETS)
 @example(Vector3(0.0, 2.0, 0.0), 0.25, Limits(1.9375, 1.0, 1.0, 5.0, 1.0, 1.0))  # was 0.24 s longer
-def test_a_goal_that_is_told_again_changes_nothing(goal: Vector3, share: float, limits: Limits) -> None:
+def test_a_goal_that_is_reported_again_changes_nothing(goal: Vector3, share: float, limits: Limits) -> None:
     assume(goal.norm() > 0.01)
     line = StraightTrajectory(Motion(Vector3(), 1.0), goal, 1.0, limits)
     told_s = share * line.duration_s
@@ -229,7 +229,7 @@ def test_a_goal_that_is_moved_a_little_is_not_overshot(goal: Vector3, share: flo
 
 
 @pytest.mark.parametrize("length_m", [10.0, 900.0, 2_000.0, 1e4, 1e5, 1e6, 1e7])
-def test_a_line_may_be_very_long(length_m: float) -> None:
+def test_a_path_may_be_very_long(length_m: float) -> None:
     direction = Vector3(0.6, 0.8, 0.0)
     start, goal = Vector3(1.0, 2.0, 3.0), Vector3(1.0, 2.0, 3.0) + direction * length_m
     line = StraightTrajectory(Motion(start, 0.0), goal, 2.0, LIMITS)
@@ -239,14 +239,14 @@ def test_a_line_may_be_very_long(length_m: float) -> None:
     ending = [line.at(line.duration_s - 10.0 + index * STEP_S) for index in range(505)]
     assert_kept(ending, LIMITS)
     for _, motion in moments(line):
-        assert distance_from_line(motion.position, start, goal) <= 1e-6 + 1e-9 * length_m
+        assert path_distance(motion.position, start, goal) <= 1e-6 + 1e-9 * length_m
     # Both ends are flown at real speed, not only seen from afar.
     for time_s in (1.0, 2.0, line.duration_s - 2.0, line.duration_s - 1.0):
         assert line.at(time_s).velocity.norm() > 0.5
 
 
 @pytest.mark.parametrize("length_m", [0.0, 1e-12, 1e-9, 1e-7, 1e-6, 1e-5, 1e-3, 0.01])
-def test_a_line_may_be_very_short(length_m: float) -> None:
+def test_a_path_may_be_very_short(length_m: float) -> None:
     start = Vector3(100.0, -100.0, 50.0)
     goal = start + Vector3(0.6, 0.0, 0.8) * length_m
     line = StraightTrajectory(Motion(start, 1.0), goal, 1.0, LIMITS)
@@ -274,23 +274,23 @@ def test_position_and_heading_arrive_together() -> None:
     assert half.yaw_rad == pytest.approx(0.5, abs=0.05)
 
 
-def test_a_short_line_waits_for_its_turn() -> None:
+def test_a_short_path_waits_for_its_turn() -> None:
     line = StraightTrajectory(Motion(Vector3(), 0.0), Vector3(0.5, 0.0, 0.0), 3.0, LIMITS)
     assert line.at(line.duration_s * 0.99).position != Vector3(0.5, 0.0, 0.0)
     assert line.at(line.duration_s / 2).yaw_rad == pytest.approx(1.5, abs=0.05)
 
 
-def test_a_line_keeps_a_speed_limit_of_its_own() -> None:
+def test_a_path_keeps_a_speed_limit_of_its_own() -> None:
     line = StraightTrajectory(Motion(Vector3(), 0.0), Vector3(10.0, 0.0, 5.0), 0.0, LIMITS, max_speed_m_s=0.5)
     assert max(m.velocity.norm() for _, m in moments(line)) == pytest.approx(0.5)
 
 
-def test_a_start_in_motion_bends_to_the_line_without_stopping() -> None:
+def test_a_start_in_motion_bends_to_the_path_without_stopping() -> None:
     start = Motion(Vector3(), 0.0, Vector3(0.0, 1.5, 0.0))
     line = StraightTrajectory(start, Vector3(30.0, 0.0, 0.0), 0.0, LIMITS)
     assert min(m.velocity.norm() for t, m in moments(line) if t < line.duration_s / 2) > 0.9
     straight = [m.position for t, m in moments(line) if t > 3.0]
-    assert max(distance_from_line(p, straight[0], Vector3(30.0, 0.0, 0.0)) for p in straight) <= 1e-6
+    assert max(path_distance(p, straight[0], Vector3(30.0, 0.0, 0.0)) for p in straight) <= 1e-6
 
 
 # --- Braking ----------------------------------------------------------------------------------------------------------
@@ -309,7 +309,7 @@ def test_braking_ends_at_rest_straight_ahead(
     assert (last.position - start).norm() == pytest.approx(brake.length_m, abs=1e-9)
     speeds = []
     for _, motion in moments(brake):
-        assert distance_from_line(motion.position, start, last.position) <= 1e-6
+        assert path_distance(motion.position, start, last.position) <= 1e-6
         speeds.append(motion.velocity.norm())
     assert all(later <= earlier + 1e-9 for earlier, later in itertools.pairwise(speeds))
     assert_kept(sampled(brake), limits)

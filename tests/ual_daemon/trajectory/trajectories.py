@@ -137,7 +137,7 @@ def assert_rests_at(motion: Motion, position: Vector3, yaw_rad: float) -> None:
     assert motion.velocity.norm() == motion.acceleration.norm() == motion.yaw_rate_rad_s == 0.0
 
 
-def distance_from_line(point: Vector3, begin: Vector3, end: Vector3) -> float:
+def path_distance(point: Vector3, begin: Vector3, end: Vector3) -> float:
     """Returns the distance of a point from a piece of a line."""
     way, offset = end - begin, point - begin
     if way.norm() < 1e-9:
@@ -148,7 +148,7 @@ def distance_from_line(point: Vector3, begin: Vector3, end: Vector3) -> float:
 
 def distance_from_path(point: Vector3, points: Sequence[Vector3]) -> float:
     """Returns the distance of a point from a polyline."""
-    return min(distance_from_line(point, a, b) for a, b in itertools.pairwise(points))
+    return min(path_distance(point, a, b) for a, b in itertools.pairwise(points))
 
 
 def assert_straight_between_bends(trajectory: Trajectory) -> None:
@@ -160,7 +160,7 @@ def assert_straight_between_bends(trajectory: Trajectory) -> None:
         begin, end = trajectory.at(begin_s).position, trajectory.at(end_s).position
         for share in range(1, 20):
             place = trajectory.at(begin_s + (end_s - begin_s) * share / 20).position
-            assert distance_from_line(place, begin, end) <= 1e-6 * (1.0 + (end - begin).norm())
+            assert path_distance(place, begin, end) <= 1e-6 * (1.0 + (end - begin).norm())
 
 
 def waypoints(*places: tuple[float, float, float]) -> list[PathWaypoint]:

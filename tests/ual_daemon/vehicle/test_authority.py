@@ -91,7 +91,7 @@ def test_a_daemon_started_in_a_flight_sends_nothing_until_it_is_commanded(
     assert "sends nothing" not in new.vehicle.telemetry().state_reason
 
 
-def test_a_command_is_flown_on_after_long_without_updates(uav: Stepped) -> None:
+def test_a_command_continues_after_long_without_updates(uav: Stepped) -> None:
     """A light UAV of which nobody wants to know anything is not updated. That is no silence of its autopilot."""
     uav.fly()
     uav.sim.pilot_take_over()
@@ -150,7 +150,7 @@ def test_a_flight_begun_by_a_command_ends_when_it_is_disarmed(uav: Stepped, monk
     assert sent.setpoints == []
 
 
-def test_what_was_taken_and_given_back_waits_for_a_command(uav: Stepped, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_was_taken_and_returned_waits_for_a_command(uav: Stepped, monkeypatch: pytest.MonkeyPatch) -> None:
     uav.fly()
     uav.sim.pilot_take_over()
     uav.run(1.0)
@@ -292,7 +292,9 @@ def test_a_take_off_that_is_refused_as_others_fly_does_not_advise_to_recover_in_
     assert "recover_from_manual" not in caught.value.message
 
 
-def test_a_flight_that_others_took_and_gave_back_is_not_told_as_one_that_ual_was_not_commanded_in(uav: Stepped) -> None:
+def test_a_flight_that_others_took_and_gave_back_is_not_reported_as_one_that_ual_was_not_commanded_in(
+    uav: Stepped,
+) -> None:
     uav.fly()
     uav.sim.pilot_take_over()
     uav.run(1.0)

@@ -191,7 +191,7 @@ def path_of(count: int) -> list[Any]:
     return [at(3.0 * n, 4.0 * (n % 2), 3.0) for n in range(1, count + 1)]
 
 
-def flown_through(uav: Stepped, waypoints: list[Any]) -> float:
+def crossed(uav: Stepped, waypoints: list[Any]) -> float:
     """Returns the distance from the farthest of the waypoints that it has passed."""
     places = np.array([tuple(sample.pose.position) for sample in uav.samples if sample.pose is not None])
     return max(float(np.linalg.norm(places - tuple(each.pose.position), axis=1).min()) for each in waypoints)
@@ -220,7 +220,7 @@ def test_a_path_whose_limits_change_all_the_time_passes_each_of_its_waypoints(
     task.future.result()
     assert seen[:-1] == sorted(seen[:-1])
     assert max(seen) == len(waypoints) - 1
-    assert flown_through(uav, waypoints) < radius_m + 0.7
+    assert crossed(uav, waypoints) < radius_m + 0.7
 
 
 def courses_point(pose: Any) -> Any:
@@ -229,7 +229,7 @@ def courses_point(pose: Any) -> Any:
     return PointStamped(pose.pose.position, pose.frame_id)
 
 
-def test_a_hold_lasts_as_long_as_asked_for_whatever_changes_meanwhile(world: World) -> None:
+def test_a_hold_lasts_as_long_as_requested_whatever_changes_meanwhile(world: World) -> None:
     uav = world.uav
     task = uav.prepare.follow_path([at(6.0, 0.0, 3.0), at(12.0, 0.0, 3.0)], holds_s=[20.0, 0.0]).begin()
     uav.until(lambda: uav.pose.position.x > 5.7)
@@ -257,7 +257,7 @@ def test_a_paused_task_stays_paused(world: World) -> None:
         task.future.result()
 
 
-def test_a_long_path_first_comes_to_rest_on_its_way_and_is_planned_beside_the_updates(
+def test_a_long_path_first_comes_to_rest_en_route_and_is_planned_next_to_the_updates(
     world: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(courses, "LONG_COUNT", 20)
@@ -276,7 +276,7 @@ def test_a_long_path_first_comes_to_rest_on_its_way_and_is_planned_beside_the_up
     assert (task.info().waypoint_index or 0) >= (index or 0)
     assert max(speeds_after(world, 1.0, 10.0)) < 1.0 + EXCESS_M_S
     uav.end(task.future, 1000.0)
-    assert flown_through(uav, waypoints) < 1.2
+    assert crossed(uav, waypoints) < 1.2
 
 
 # --- The geofence -----------------------------------------------------------------------------------------------------
@@ -289,7 +289,7 @@ def farthest_m(uav: Stepped) -> float:
 
 
 @pytest.mark.parametrize("what", ["go_to_waypoint", "follow_path", "moving goal"])
-def test_motors_that_are_stopped_in_the_air_are_not_told_as_the_floor(world: World, what: str) -> None:
+def test_motors_that_are_stopped_in_the_air_are_not_reported_as_the_floor(world: World, what: str) -> None:
     """ArduPilot says that it stands before it says that it is not armed: its height was then that of the ground."""
     task = begun(world, what)
     world.say(landed=LandedState.ON_GROUND)
@@ -300,7 +300,7 @@ def test_motors_that_are_stopped_in_the_air_are_not_told_as_the_floor(world: Wor
         task.future.result()
 
 
-def test_a_stand_that_is_told_for_a_moment_in_the_air_does_not_raise_the_floor(world: World) -> None:
+def test_a_stand_that_is_reported_for_a_moment_in_the_air_does_not_raise_the_floor(world: World) -> None:
     """Under velocities, poses and holds, that height was taken for the ground: what lay below was refused."""
     world.uav.run(1.0)
     ground_z_m = world.uav.vehicle._flight.geofence.ground.z_m
@@ -317,7 +317,7 @@ def test_a_stand_that_is_told_for_a_moment_in_the_air_does_not_raise_the_floor(w
 
 
 @pytest.mark.parametrize("what", ["go_to_waypoint", "follow_path", "moving goal"])
-def test_a_fence_that_is_new_is_not_flown_through(world: World, what: str) -> None:
+def test_a_fence_that_is_new_is_not_crossed(world: World, what: str) -> None:
     """PX4 was flown through a fence of 15 m, which was known for 1.2 s, to 25.7 m at 6 m/s."""
     task = begun(world, what)
     world.fence(RADIUS_M)
@@ -334,7 +334,7 @@ def test_a_fence_that_is_new_is_not_flown_through(world: World, what: str) -> No
     assert farthest_m(world.uav) < RADIUS_M
 
 
-def test_a_pose_that_is_flown_to_by_the_autopilot_is_stopped_before_a_new_fence(world: World) -> None:
+def test_a_pose_that_is_approached_by_the_autopilot_is_stopped_before_a_new_fence(world: World) -> None:
     world.uav.vehicle.commands.setpoints.set_pose(at(150.0, 0.0, 3.0))
     world.uav.until(lambda: world.speed_m_s > 5.0)
     world.fence(RADIUS_M)
@@ -361,7 +361,7 @@ def test_a_velocity_is_stopped_before_a_new_fence(world: World) -> None:
     assert farthest_m(world.uav) < RADIUS_M
 
 
-def test_a_way_that_stays_inside_goes_on_undisturbed(world: World) -> None:
+def test_a_path_that_stays_inside_goes_on_undisturbed(world: World) -> None:
     task = begun(world, "go_to_waypoint")
     sent: list[Any] = []
     world.uav.vehicle.observe_setpoints(sent.append)
@@ -372,7 +372,7 @@ def test_a_way_that_stays_inside_goes_on_undisturbed(world: World) -> None:
     world.uav.end(task.future)
 
 
-def test_a_way_that_leads_back_in_goes_on(world: World) -> None:
+def test_a_path_that_leads_back_in_goes_on(world: World) -> None:
     world.uav.end(world.uav.prepare.go_to_waypoint(at(60.0, 0.0, 3.0)).begin().future)
     task = world.uav.prepare.go_to_waypoint(at(0.0, 0.0, 3.0)).begin()
     world.uav.run(1.0)
@@ -397,7 +397,7 @@ def test_a_climb_of_a_take_off_ends_below_a_new_ceiling(monkeypatch: pytest.Monk
         assert uav.speed < 0.1
 
 
-def test_a_long_path_looks_at_a_new_fence_bit_by_bit_and_ends_before_it(world: World) -> None:
+def test_a_long_path_faces_a_new_fence_bit_by_bit_and_ends_before_it(world: World) -> None:
     waypoints = path_of(400)
     task = world.uav.prepare.follow_path(waypoints, corner_radius_m=0.5).begin()
     world.uav.run(5.0)
@@ -412,7 +412,7 @@ def test_a_long_path_looks_at_a_new_fence_bit_by_bit_and_ends_before_it(world: W
 # --- Home and frames --------------------------------------------------------------------------------------------------
 
 
-def test_a_way_home_leads_to_where_home_is_now(world: World) -> None:
+def test_a_return_path_leads_to_where_home_is_now(world: World) -> None:
     world.home(Vector3())
     task = begun(world, "return_to_launch")
     world.home(Vector3(100.0, 30.0))
@@ -420,7 +420,7 @@ def test_a_way_home_leads_to_where_home_is_now(world: World) -> None:
     assert (world.uav.pose.position - Vector3(100.0, 30.0)).horizontal_norm() < 0.4
 
 
-def test_no_way_home_leads_beyond_the_reach(world: World) -> None:
+def test_no_return_path_leads_beyond_the_distance_limit(world: World) -> None:
     """As where a ground station has set home with latitude and longitude swapped."""
     world.home(Vector3())
     task = begun(world, "return_to_launch")
@@ -517,7 +517,7 @@ def test_while_nothing_changes_nothing_is_planned_or_checked(
     assert task.info().status is TaskStatus.RUNNING
 
 
-def test_the_pose_of_a_hold_is_not_given_up_for_a_fence_around_it(world: World) -> None:
+def test_the_pose_of_a_hold_is_not_abandoned_for_a_fence_around_it(world: World) -> None:
     world.uav.vehicle.commands.setpoints.set_pose(at(5.0, 0.0, 3.0))
     world.uav.run(8.0)
     world.fence(RADIUS_M)

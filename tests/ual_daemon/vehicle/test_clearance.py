@@ -272,7 +272,7 @@ class Twins:
     def _grow_old(self) -> None:
         self.stale_s[self.chance.choice(list(self.stale_s))] = self.chance.choice((0.5, 0.9, 1.1, 1.4, 1.9, 2.5))
 
-    def _look_away(self) -> None:
+    def _turn_away(self) -> None:
         self.updated_s = self.chance.choice((0.2, 0.24, 0.26, 0.5))
 
     def _near_autopilots_edge(self) -> None:
@@ -387,7 +387,7 @@ class Twins:
         _lose_estimate,
         _grow_old,
         _grow_old,
-        _look_away,
+        _turn_away,
         _glide,
         _glide,
         _lose_home,
@@ -622,7 +622,7 @@ def test_each_part_of_the_world_counts(streaming: _Twin, part: str, monkeypatch:
         replace(LIMITS, descent_speed_m_s=1e4),
     ],
 )
-def test_with_strange_limits_each_velocity_is_judged(limits: Limits) -> None:
+def test_with_strange_limits_each_velocity_is_assessed(limits: Limits) -> None:
     twin = stream_in("no fence")
     twin.backend.told = replace(twin.backend.told, limits=limits)
     assert not twin.flight.renew_velocity(SLOW, NOBODY)
@@ -651,7 +651,7 @@ BEYOND: dict[str, Any] = {
 
 
 @pytest.mark.parametrize("twist", BEYOND.values(), ids=BEYOND)
-def test_a_velocity_beyond_a_bound_is_judged_by_every_rule(streaming: _Twin, twist: Any) -> None:
+def test_a_velocity_beyond_a_bound_is_assessed_by_every_rule(streaming: _Twin, twist: Any) -> None:
     assert not streaming.flight.renew_velocity(twist, NOBODY)
 
 
@@ -662,7 +662,7 @@ def test_the_uavs_own_speed_counts_where_it_is_the_higher_one(streaming: _Twin) 
 
 
 @pytest.mark.parametrize("offset", [Vector3(0.0, 0.0, 2.9), Vector3(0.0, 0.0, 3.9)])
-def test_near_a_bound_the_place_counts(streaming: _Twin, offset: Vector3) -> None:
+def test_near_a_bound_the_position_counts(streaming: _Twin, offset: Vector3) -> None:
     """The ceiling is at 12 m, and it was at 8 m when the stream began."""
     up = Twist(Vector3(0.0, 0.0, 1.5))
     assert streaming.flight.renew_velocity(up, NOBODY)
@@ -677,5 +677,5 @@ def test_after_one_near_an_edge_a_few_do_not_ask(streaming: _Twin) -> None:
     assert asked == [False, False, False, True, True]
 
 
-def test_a_velocity_by_another_lease_is_judged(streaming: _Twin) -> None:
+def test_a_velocity_by_another_lease_is_assessed(streaming: _Twin) -> None:
     assert not streaming.flight.renew_velocity(SLOW, "another")

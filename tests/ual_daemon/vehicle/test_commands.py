@@ -186,7 +186,7 @@ def refusal(begin: Callable[[], object], caplog: pytest.LogCaptureFixture) -> tu
     return type(refused.value), str(refused.value), [vars(record).get("ual_event", "") for record in caplog.records]
 
 
-def both_ways(uav: Stepped, name: str, setpoint: Any) -> tuple[Callable[[], object], Callable[[], object]]:
+def both_directions(uav: Stepped, name: str, setpoint: Any) -> tuple[Callable[[], object], Callable[[], object]]:
     """Returns the setpoint as a dry run, and as a command."""
     setpoints = uav.vehicle.commands.setpoints
     if name == "set_pose":
@@ -203,7 +203,7 @@ def test_a_setpoint_is_refused_as_its_dry_run_is_and_nothing_is_sent(
 ) -> None:
     setpoint = (REFUSED_POSES if name == "set_pose" else REFUSED_VELOCITIES)[what]
     recorder = Recorder(flying, monkeypatch)
-    dry_run, send = both_ways(flying, name, setpoint)
+    dry_run, send = both_directions(flying, name, setpoint)
     kind, text, events = refusal(dry_run, caplog)
     monkeypatch.setattr(flying.vehicle.commands._preconditions, "_last_refusal", ("", 0.0))
     assert refusal(send, caplog) == (kind, text, events)
@@ -218,7 +218,7 @@ def test_no_setpoint_is_sent_unless_the_uav_is_ours(
 ) -> None:
     bring_to(uav, state)
     recorder = Recorder(uav, monkeypatch)
-    for begin in both_ways(uav, name, setpoint):
+    for begin in both_directions(uav, name, setpoint):
         with pytest.raises(WrongStateError, match=f"{name} needs the state FLYING_AUTO") as refused:
             begin()
         assert refused.value.message.endswith("; take off first") == (state is State.LANDED_ARMED)
@@ -230,7 +230,7 @@ def test_no_setpoint_is_sent_unless_the_uav_is_ours(
     ("state", "way_out"),
     [(State.LANDED_ARMED, "; take off first"), (State.LANDED_DISARMED, "; arm and take off first")],
 )
-def test_a_motion_on_the_ground_is_told_what_comes_first_and_a_landing_is_not(
+def test_a_motion_on_the_ground_learns_what_comes_first_and_a_landing_is_not(
     uav: Stepped, state: State, way_out: str
 ) -> None:
     if state is State.LANDED_ARMED:
@@ -472,7 +472,7 @@ def test_each_leg_has_the_smaller_of_its_speeds(flying: Stepped) -> None:
     assert fastest_m_s[1:] == pytest.approx([0.8, 0.8], abs=0.05)
 
 
-def test_a_path_looks_at_a_point_in_any_frame(flying: Stepped) -> None:
+def test_a_path_faces_a_point_in_any_frame(flying: Stepped) -> None:
     flying.vehicle.frame_editor.add(Transform(Vector3(4, 0, 0), Quaternion.from_yaw(1.0), "map", "tower"))
     task = flying.prepare.follow_path(
         [at(0, 4, 3)],
@@ -500,7 +500,7 @@ def test_a_point_of_interest_in_an_unknown_frame_is_refused(flying: Stepped) -> 
         )
 
 
-def test_a_path_of_geographic_waypoints_is_flown_where_they_are(flying: Stepped) -> None:
+def test_a_path_of_geographic_waypoints_is_executed_where_they_are(flying: Stepped) -> None:
     latitude_deg, longitude_deg, altitude_m = near(flying)
     waypoints = [
         GeoWaypoint(latitude_deg, longitude_deg, altitude_m, AltitudeReference.AMSL),

@@ -27,7 +27,7 @@ FAR: dict[str, Callable[[Stepped, float], object]] = {
 
 
 @pytest.mark.parametrize("move", FAR.values(), ids=FAR)
-def test_a_goal_beyond_the_reach_is_refused(move: Callable[[Stepped, float], object]) -> None:
+def test_a_goal_beyond_the_distance_limit_is_refused(move: Callable[[Stepped, float], object]) -> None:
     with stepped() as uav:
         uav.fly()
         with pytest.raises(
@@ -68,7 +68,7 @@ def test_a_forgotten_sign_is_recognized(latitude_sign: int, longitude_sign: int,
             )
 
 
-def test_a_place_that_is_far_away_by_any_sign_is_only_refused() -> None:
+def test_a_position_that_is_far_away_by_any_sign_is_only_refused() -> None:
     with stepped() as uav:
         uav.fly()
         with pytest.raises(GeofenceError, match=r"reach_m: 10000 in the configuration\)$"):
@@ -92,12 +92,12 @@ def test_latitude_and_longitude_0_are_refused_by_name() -> None:
         VehicleSettings(geofence=GeofenceSettings(polygon_geo=((47.0, 8.0), (0.0, 0.0), (47.1, 8.1)))),
     ],
 )
-def test_a_place_of_the_configuration_is_none_at_0_0(settings: VehicleSettings) -> None:
+def test_a_position_of_the_configuration_is_none_at_0_0(settings: VehicleSettings) -> None:
     with pytest.raises(ConfigError, match="latitude and longitude 0"), stepped(settings):
         pass
 
 
-def test_one_line_lifts_it() -> None:
+def test_one_message_lifts_it() -> None:
     with stepped(VehicleSettings(reach_m=None)) as uav:
         uav.fly()
         uav.prepare.go_to_waypoint(at(500_000.0, 0.0, 5.0))

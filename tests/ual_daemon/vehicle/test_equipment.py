@@ -52,7 +52,7 @@ def test_what_was_acknowledged_is_remembered(bench: Bench) -> None:
     assert bench.equipment.ordered(CLAW) == "release"
 
 
-def test_what_may_let_go_waits_for_the_end_of_what_is_under_way(bench: Bench) -> None:
+def test_what_may_let_go_waits_for_the_end_of_what_is_in_progress(bench: Bench) -> None:
     bench.give("grip", holds=True)
     with pytest.raises(WrongStateError, match="the gripper claw is busy: grip is under way"):
         bench.give("release")
@@ -63,7 +63,7 @@ def test_what_may_let_go_waits_for_the_end_of_what_is_under_way(bench: Bench) ->
     assert len(bench.sent) == 3
 
 
-def test_what_holds_replaces_what_is_under_way(bench: Bench) -> None:
+def test_what_holds_replaces_what_is_in_progress(bench: Bench) -> None:
     before = bench.give("release")
     after = bench.give("grip", holds=True)
     with pytest.raises(TaskAbortedError) as caught:

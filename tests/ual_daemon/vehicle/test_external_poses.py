@@ -58,7 +58,7 @@ def lab() -> Iterator[Lab]:
     lab.uav.vehicle.close()
 
 
-def test_they_take_the_place_of_satellites_and_a_source_that_stops_is_named(lab: Lab) -> None:
+def test_they_replace_satellites_and_a_source_that_stops_is_named(lab: Lab) -> None:
     lab.uav.simulation.begin_fault(PositionLost())
     lab.uav.simulation.step(STEP_S)
     assert lab.uav.state() is State.UNINITIALIZED
@@ -260,7 +260,7 @@ def test_a_backend_without_them_says_so(lab: Lab) -> None:
         lab.uav.set_external_pose(PoseStamped(Pose.at(0.0, 0.0, 0.0, 0.0), "map"))
 
 
-def test_a_flood_is_thinned_without_a_line_in_the_log(lab: Lab, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_flood_is_thinned_without_a_path_in_the_log(lab: Lab, caplog: pytest.LogCaptureFixture) -> None:
     assert not lab.measure(Vector3())
     with caplog.at_level(logging.WARNING):
         for _ in range(100):
@@ -268,7 +268,9 @@ def test_a_flood_is_thinned_without_a_line_in_the_log(lab: Lab, caplog: pytest.L
     assert caplog.records == []
 
 
-def test_two_senders_a_little_apart_are_told_and_a_step_is_logged(lab: Lab, caplog: pytest.LogCaptureFixture) -> None:
+def test_two_senders_a_little_apart_are_reported_and_a_step_is_logged(
+    lab: Lab, caplog: pytest.LogCaptureFixture
+) -> None:
     lab.uav.simulation.begin_fault(PositionLost())
     for _ in range(60):
         lab.measure(Vector3())

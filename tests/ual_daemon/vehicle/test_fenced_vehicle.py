@@ -79,7 +79,7 @@ def test_a_refusal_names_the_goal_that_lies_outside(flying: Stepped) -> None:
     ],
     ids=["far", "slow, at the edge", "far path at the edge", "far path outside", "far goal outside"],
 )
-def test_the_number_of_checked_points_does_not_depend_on_the_length_or_speed_of_the_way(
+def test_the_number_of_checked_points_does_not_depend_on_the_length_or_speed_of_the_path(
     move: Callable[[Stepped], object], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """They are checked on the thread that serves all callers."""
@@ -103,7 +103,7 @@ def test_the_number_of_checked_points_does_not_depend_on_the_length_or_speed_of_
             assert 0 < len(checked) < 1000
 
 
-def test_a_path_around_the_corner_is_flown(flying: Stepped) -> None:
+def test_a_path_around_the_corner_is_executed(flying: Stepped) -> None:
     path = [at(-2.0, -2.0, 3.0), at(-2.0, 8.0, 3.0)]
     flying.end(flying.prepare.follow_path(path, corner_radius_m=1.0).begin().future)
     assert (flying.pose.position - Vector3(-2.0, 8.0, 3.0)).norm() < 0.5

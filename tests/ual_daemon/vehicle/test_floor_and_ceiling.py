@@ -121,7 +121,7 @@ def test_a_ceiling_below_the_floor_is_refused() -> None:
         pass
 
 
-def test_they_hold_beside_a_configured_fence() -> None:
+def test_they_hold_next_to_a_configured_fence() -> None:
     fence = GeofenceSettings(polygon=((-50.0, -50.0), (50.0, -50.0), (0.0, 50.0)), max_height_m=500.0)
     with stepped(VehicleSettings(geofence=fence)) as uav:
         uav.fly()
@@ -288,7 +288,7 @@ def test_a_goal_on_the_ground_is_refused_because_of_the_clearance(
     command(flying, 0.5)
 
 
-def test_one_line_moves_the_clearance() -> None:
+def test_one_message_moves_the_clearance() -> None:
     with stepped(VehicleSettings(clearance_m=0.0)) as uav:
         uav.fly()
         uav.prepare.go_to_waypoint(at(1.0, 0.0, 0.05))

@@ -34,10 +34,10 @@ def follow(uav: Stepped) -> None:
     uav.end(uav.prepare.go_to_waypoint(at(0.0, 0.0, 4.0, frame_id="boat")).begin().future)
     put(uav, 5.02)
     uav.run(1.0)
-    assert_told(uav, "")
+    assert_reported(uav, "")
 
 
-def assert_told(uav: Stepped, what: str) -> None:
+def assert_reported(uav: Stepped, what: str) -> None:
     sample = uav.vehicle.telemetry()
     checks = () if sample.health is None else sample.health.failing_checks
     assert ("does not follow" in sample.state_reason) is bool(what)
@@ -66,21 +66,21 @@ def test_a_follower_that_cannot_follow_says_so_and_then_holds_for_good(
     follow(uav)
     lose(uav)
     uav.run(1.0)
-    assert_told(uav, what)
+    assert_reported(uav, what)
     assert [each.levelname for each in caplog.records if each.getMessage().startswith("reference_stands")] == [
         "WARNING"
     ]
     uav.run(5.0)
-    assert_told(uav, what)
+    assert_reported(uav, what)
     assert "until it is commanded again" in uav.vehicle.telemetry().state_reason
     assert sum(each.getMessage().startswith("reference_ended") for each in caplog.records) == 1
     stood = uav.pose.position
     put(uav, 30.0)
     uav.run(5.0)
     assert (uav.pose.position - stood).norm() < 0.2
-    assert_told(uav, what)
+    assert_reported(uav, what)
     uav.end(uav.prepare.go_to_waypoint(at(0.0, 0.0, 3.0)).begin().future)
-    assert_told(uav, "")
+    assert_reported(uav, "")
 
 
 def test_a_follower_goes_on_where_its_frame_is_back_at_once(uav: Stepped, caplog: pytest.LogCaptureFixture) -> None:
@@ -91,11 +91,11 @@ def test_a_follower_goes_on_where_its_frame_is_back_at_once(uav: Stepped, caplog
     put(uav, 12.0)
     uav.run(6.0)
     assert uav.pose.position.x == pytest.approx(12.0, abs=0.3)
-    assert_told(uav, "")
+    assert_reported(uav, "")
     assert sum(each.getMessage().startswith("reference_goes_on") for each in caplog.records) == 1
 
 
-def test_a_frame_at_the_edge_is_one_line_in_the_log(uav: Stepped, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_frame_at_the_edge_is_one_message_in_the_log(uav: Stepped, caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.INFO)
     follow(uav)
     for step in range(40):

@@ -25,7 +25,7 @@ def attitude(reference: GimbalReference, roll: float, pitch: float, yaw: float) 
 
 
 @given(POSES, st.sampled_from(GimbalReference), ROLLS, PITCHES, YAWS)
-def test_in_the_body_and_outside_it_looks_the_same_way(
+def test_in_the_body_and_outside_it_points_the_same_manner(
     body: Pose, reference: GimbalReference, roll: float, pitch: float, yaw: float
 ) -> None:
     looks = attitude(reference, roll, pitch, yaw)
@@ -57,7 +57,7 @@ def test_one_that_is_fixed_to_the_body_tilts_with_it() -> None:
 
 
 @pytest.mark.parametrize("reference", [BODY, HORIZON])
-def test_without_the_pose_of_the_body_only_its_own_axes_are_told(reference: GimbalReference) -> None:
+def test_without_the_pose_of_the_body_only_its_own_axes_are_reported(reference: GimbalReference) -> None:
     looks = attitude(reference, 0.1, 0.2, 0.3)
     assert looks.in_local(None) is None
     assert (looks.in_body(None) is None) is (reference is HORIZON)
@@ -65,7 +65,7 @@ def test_without_the_pose_of_the_body_only_its_own_axes_are_told(reference: Gimb
 
 
 @given(POSES, st.floats(-50.0, 50.0), st.floats(-50.0, 50.0), st.floats(-50.0, 50.0))
-def test_what_it_is_aimed_at_is_what_it_looks_at(body: Pose, x: float, y: float, z: float) -> None:
+def test_what_it_is_aimed_at_is_what_it_faces(body: Pose, x: float, y: float, z: float) -> None:
     way = Vector3(x, y, z)
     assume(way.norm() > 0.01)
     aim = aimed(ALL, body, way)

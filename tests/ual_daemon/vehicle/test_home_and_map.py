@@ -37,7 +37,7 @@ class Reader:
         self._thread.join(WINDOW_S)
         self._follow(place, turn)
 
-    def seen(self) -> tuple[float, ...]:
+    def observed(self) -> tuple[float, ...]:
         self._thread.join(LIMIT_S)
         (seen,) = self._seen
         return tuple(seen)
@@ -67,7 +67,7 @@ def test_set_home_leaves_what_is_read_in_map_meanwhile(
         before = read(uav)
         reader = Reader(uav.vehicle._resolver, lambda: read(uav), monkeypatch)
         uav.vehicle.commands.set_home()
-        assert reader.seen() == pytest.approx(tuple(before), abs=0.05)
+        assert reader.observed() == pytest.approx(tuple(before), abs=0.05)
 
 
 def test_after_a_reboot_map_is_known_with_home(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -78,7 +78,7 @@ def test_after_a_reboot_map_is_known_with_home(monkeypatch: pytest.MonkeyPatch) 
     known = at(2.0, moved(5.0), 1)
     reader = Reader(frames, lambda: frames.transform("map", "uav_1/base_link", known).translation, monkeypatch)
     frames.update(known)
-    assert reader.seen() == pytest.approx((5.0, 0.0, 0.0), abs=0.05)
+    assert reader.observed() == pytest.approx((5.0, 0.0, 0.0), abs=0.05)
 
 
 def test_map_has_followed_before_home_is_written(tmp_path: Path) -> None:

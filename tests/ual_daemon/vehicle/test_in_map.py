@@ -45,7 +45,7 @@ def test_nothing_may_limit_the_height() -> None:
         assert uav.vehicle.geofence() == Geofence()
 
 
-def test_a_fence_in_another_frame_is_told_in_map() -> None:
+def test_a_fence_in_another_frame_is_reported_in_map() -> None:
     yard = FrameSettings(frame_id="yard", parent_frame_id="map", translation=(10.0, 20.0, 1.0), yaw_rad=math.pi / 2)
     fence = GeofenceSettings(
         polygon=((-9.0, -9.0), (9.0, -9.0), (9.0, 9.0), (-9.0, 9.0)),
@@ -67,7 +67,7 @@ def test_the_lowest_of_the_tops_holds() -> None:
         assert uav.vehicle.geofence().max_z_m == pytest.approx(120.0, abs=0.01)
 
 
-def test_a_fence_in_a_tilted_map_is_not_told() -> None:
+def test_a_fence_in_a_tilted_map_is_not_reported() -> None:
     slope = FrameSettings(frame_id="slope", parent_frame_id="map", roll_rad=0.2)
     with (
         stepped(VehicleSettings(frames=(slope,), home_pose_parent_frame="slope")) as uav,
@@ -79,13 +79,13 @@ def test_a_fence_in_a_tilted_map_is_not_told() -> None:
 # --- The way ----------------------------------------------------------------------------------------------------------
 
 
-def test_on_the_ground_nothing_is_flown(uav: Stepped) -> None:
+def test_on_the_ground_nothing_is_executed(uav: Stepped) -> None:
     assert uav.vehicle.route() is None
     uav.arm()
     assert uav.vehicle.route() is None
 
 
-def test_the_way_of_a_take_off_is_straight_up(uav: Stepped) -> None:
+def test_the_path_of_a_take_off_is_straight_up(uav: Stepped) -> None:
     uav.arm()
     task = uav.prepare.take_off(3.0).begin()
     uav.run(0.5)
@@ -95,7 +95,7 @@ def test_the_way_of_a_take_off_is_straight_up(uav: Stepped) -> None:
     assert near(route.points[-1], 0.0, 0.0, 3.0)
 
 
-def test_the_way_of_a_go_to_is_a_line_in_map() -> None:
+def test_the_path_of_a_go_to_is_a_path_in_map() -> None:
     with stepped(VehicleSettings(home_pose=HOME)) as uav:
         uav.fly()
         start = uav.pose.position
@@ -111,7 +111,7 @@ def test_the_way_of_a_go_to_is_a_line_in_map() -> None:
         assert uav.vehicle.route() is None
 
 
-def test_the_way_of_a_path_rounds_its_corners(flying: Stepped) -> None:
+def test_the_path_of_a_path_rounds_its_corners(flying: Stepped) -> None:
     task = flying.prepare.follow_path([at(5.0, 0.0, 3.0), at(5.0, 5.0, 3.0)], corner_radius_m=1.0).begin()
     points = the_route(flying).points
     assert near(points[-1], 5.0, 5.0, 3.0)
@@ -122,7 +122,7 @@ def test_the_way_of_a_path_rounds_its_corners(flying: Stepped) -> None:
     flying.end(task.future)
 
 
-def test_the_way_home_ends_on_the_ground(flying: Stepped) -> None:
+def test_the_return_path_ends_on_the_ground(flying: Stepped) -> None:
     flying.end(flying.prepare.go_to_waypoint(at(6.0, 0.0, 3.0)).begin().future)
     flying.prepare.return_to_launch(5.0).begin()
     points = the_route(flying).points
@@ -133,7 +133,7 @@ def test_the_way_home_ends_on_the_ground(flying: Stepped) -> None:
     assert flying.vehicle.route() is None
 
 
-def test_the_way_to_a_goal_that_moves_moves(flying: Stepped) -> None:
+def test_the_path_to_a_goal_that_moves_moves(flying: Stepped) -> None:
     def move(x: float) -> None:
         flying.vehicle.frame_editor.add(Transform(Vector3(x, 0.0, 0.0), child_frame_id="car"))
 
@@ -153,7 +153,7 @@ def test_the_way_to_a_goal_that_moves_moves(flying: Stepped) -> None:
     assert later.points[0].x > first.points[0].x + 0.5
 
 
-def test_a_pose_in_a_frame_that_moves_has_a_way_and_no_task(flying: Stepped) -> None:
+def test_a_pose_in_a_frame_that_moves_has_a_path_and_no_task(flying: Stepped) -> None:
     commands = flying.vehicle.commands
     flying.vehicle.frame_editor.add(Transform(Vector3(5.0, 0.0, 0.0), child_frame_id="car"))
     flying.run(0.1)
@@ -165,7 +165,7 @@ def test_a_pose_in_a_frame_that_moves_has_a_way_and_no_task(flying: Stepped) -> 
     assert route.is_goal_moving
 
 
-def test_a_velocity_and_a_hover_have_no_way(flying: Stepped) -> None:
+def test_a_velocity_and_a_hover_have_no_progress(flying: Stepped) -> None:
     flying.run(0.2)
     assert flying.vehicle.route() is None
     flying.vehicle.commands.setpoints.set_velocity(TwistStamped(Twist(Vector3(0.5, 0.0, 0.0), Vector3())))
@@ -173,7 +173,7 @@ def test_a_velocity_and_a_hover_have_no_way(flying: Stepped) -> None:
     assert flying.vehicle.route() is None
 
 
-def test_the_way_of_the_longest_path_is_bounded_and_kept(flying: Stepped) -> None:
+def test_the_path_of_the_longest_path_is_bounded_and_kept(flying: Stepped) -> None:
     corners = [at(2.0 * (i % 100), 2.0 * (i // 100) + 1.5 * (i % 2), 3.0 + i % 3) for i in range(MOST_WAYPOINTS)]
     flying.prepare.follow_path(corners, corner_radius_m=0.5).begin()
     points = the_route(flying).points
@@ -181,7 +181,7 @@ def test_the_way_of_the_longest_path_is_bounded_and_kept(flying: Stepped) -> Non
     assert the_route(flying).points == points
 
 
-def test_while_the_position_is_lost_nothing_is_flown(flying: Stepped) -> None:
+def test_while_the_position_is_lost_nothing_is_executed(flying: Stepped) -> None:
     flying.prepare.go_to_waypoint(at(5.0, 2.0, 4.0)).begin()
     flying.run(0.2)
     flying.sim.begin_fault(PositionLost())

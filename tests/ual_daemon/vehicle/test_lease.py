@@ -30,7 +30,7 @@ def uav() -> Iterator[Stepped]:
         yield uav
 
 
-def under_way(uav: Stepped, lease_id: str = NOBODY) -> VehicleTask:
+def in_progress(uav: Stepped, lease_id: str = NOBODY) -> VehicleTask:
     """A go-to that has begun to move."""
     task = uav.by(lease_id).go_to_waypoint(FAR).begin()
     uav.until(lambda: uav.speed > 1.0)
@@ -52,7 +52,7 @@ def ended_by_lease(task: VehicleTask, why: str) -> bool:
 
 def test_what_another_program_flies_ends_when_one_acquires_the_lease(uav: Stepped) -> None:
     uav.fly()
-    task = under_way(uav)
+    task = in_progress(uav)
     uav.vehicle.acquire_lease("survey", "local", lasts_s=LONG_S)
     assert ended_by_lease(task, "survey has acquired the lease")
     assert holds(uav)
@@ -130,7 +130,7 @@ def test_one_that_has_touched_down_by_references_keeps_its_stream(how: str) -> N
 def test_what_its_holder_flies_ends_with_the_lease(uav: Stepped, how: str) -> None:
     uav.fly()
     lease_id = uav.vehicle.acquire_lease("survey", "local", lasts_s=LONG_S)
-    task = under_way(uav, lease_id)
+    task = in_progress(uav, lease_id)
     if how == "released":
         uav.vehicle.release_lease(lease_id)
     else:
@@ -262,7 +262,7 @@ def test_others_are_refused_whatever_they_command(uav: Stepped) -> None:
 def test_others_cannot_pause_or_cancel_a_task_of_the_holder(uav: Stepped) -> None:
     uav.fly()
     lease_id = uav.vehicle.acquire_lease("survey", "local", lasts_s=LONG_S)
-    task = under_way(uav, lease_id)
+    task = in_progress(uav, lease_id)
     commands = uav.vehicle.commands
     stops: list[Callable[[], None]] = [
         lambda: commands.pause(task.id),

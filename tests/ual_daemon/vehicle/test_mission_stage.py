@@ -14,7 +14,7 @@ from ual_daemon.vehicle.mission_stage import Brought, estimated_stage
 NONE, NOT_STARTED, ACTIVE, PAUSED, COMPLETE = list(MissionStage)[1:]
 
 
-def judged(told: MissionStage, mode: str, *, armed: bool = True, lab: Lab | None = None) -> MissionStage:
+def assessed(told: MissionStage, mode: str, *, armed: bool = True, lab: Lab | None = None) -> MissionStage:
     """Returns the stage of a mission that is no task, of which a task was the last one."""
     autopilot = Autopilot(control=Control.OTHER, landed=LandedState.IN_AIR, mode=mode, armed=armed)
     last = None if lab is None else lab.mission
@@ -33,18 +33,18 @@ def judged(told: MissionStage, mode: str, *, armed: bool = True, lab: Lab | None
         (MissionStage.UNKNOWN, "MISSION", True, MissionStage.UNKNOWN),
     ],
 )
-def test_the_mode_is_newer_than_what_is_told(
+def test_the_mode_is_newer_than_what_is_reported(
     told: MissionStage, mode: str, *, armed: bool, stage: MissionStage
 ) -> None:
-    assert judged(told, mode, armed=armed) is stage
+    assert assessed(told, mode, armed=armed) is stage
 
 
 @pytest.mark.parametrize(("armed", "stage"), [(True, PAUSED), (False, NOT_STARTED)])
-def test_one_that_did_not_reach_its_last_item_is_not_complete(*, armed: bool, stage: MissionStage) -> None:
+def test_one_that_did_not_get_to_its_last_item_is_not_complete(*, armed: bool, stage: MissionStage) -> None:
     lab = Lab()
     lab.kept = lab.kept._replace(items=lab.kept.items * 3)
     lab.mission = lab.make()
-    assert judged(COMPLETE, "HOLD", armed=armed, lab=lab) is stage
+    assert assessed(COMPLETE, "HOLD", armed=armed, lab=lab) is stage
 
 
 @pytest.mark.parametrize("told", [NONE, NOT_STARTED, ACTIVE, PAUSED, COMPLETE])
@@ -72,7 +72,7 @@ def stage_of(lab: Lab) -> MissionStage:
     return lab.mission.stage(lab.autopilot.snapshot())
 
 
-def test_a_task_tells_what_it_was_seen_to_do() -> None:
+def test_a_task_tells_what_it_was_observed_to_do() -> None:
     lab = Lab()
     told = [stage_of(lab)]
     lab.fly()

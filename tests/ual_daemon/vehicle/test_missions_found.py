@@ -84,7 +84,7 @@ def restarted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Resta
         yield Restarted(uav, monkeypatch, tmp_path / "uav_1.mission")
 
 
-def test_a_mission_that_cannot_be_read_is_asked_for_once_in_a_while(restarted: Restarted) -> None:
+def test_a_mission_that_cannot_be_read_is_requested_once_in_a_while(restarted: Restarted) -> None:
     """Else each update would ask, and take the link from the flight and from other stations."""
     restarted.run(3.5 * AGAIN_S)
     assert restarted.offer.asked_count == 4

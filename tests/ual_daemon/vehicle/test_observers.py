@@ -48,7 +48,7 @@ def test_who_watches_the_setpoints_and_fails_ends_no_command(caplog: pytest.LogC
 
 
 @pytest.mark.parametrize("part", ["resolver", "missions", "gimbals"])
-def test_a_defect_beside_the_flight_takes_it_no_setpoint_and_is_told_once(
+def test_a_defect_next_to_the_flight_takes_it_no_setpoint_and_is_reported_once(
     part: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     def fail(_: object) -> bool:
@@ -68,7 +68,7 @@ def test_a_defect_beside_the_flight_takes_it_no_setpoint_and_is_told_once(
     assert sum(record.levelno == logging.ERROR for record in caplog.records) == 1
 
 
-def test_a_defect_of_the_flight_takes_nobody_the_telemetry_and_is_not_told_as_one_beside_it(
+def test_a_defect_of_the_flight_takes_nobody_the_telemetry_and_is_not_reported_as_one_next_to_it(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     def fail(_: object) -> None:

@@ -157,7 +157,7 @@ def test_a_go_to_to_a_moving_goal_cannot_be_paused(flying: Stepped) -> None:
     assert not task.info().is_paused
 
 
-def test_a_goal_whose_frame_is_put_elsewhere_in_a_pause_is_flown_to_there(flying: Stepped) -> None:
+def test_a_goal_whose_frame_is_put_elsewhere_in_a_pause_is_approached_there(flying: Stepped) -> None:
     """It was flown to where its frame had been before, and that was told as a success."""
 
     def put(x: float, y: float) -> None:

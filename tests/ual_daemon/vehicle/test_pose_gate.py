@@ -39,7 +39,7 @@ def test_stamps_must_not_run_back_but_the_same_one_may_come_twice() -> None:
     assert drop.why == "it is older than the one before"
 
 
-def test_flown_motion_passes() -> None:
+def test_executed_motion_passes() -> None:
     gate = PoseGate()
     for number in range(200):
         assert (
@@ -93,7 +93,7 @@ def test_a_slow_uav_moves_less_between_two_poses() -> None:
     assert gate.jump(at(0.5), PERIOD_S, 0.0, 2.0) is not None
 
 
-def test_after_poses_elsewhere_those_of_the_way_flown_meanwhile_pass() -> None:
+def test_after_poses_elsewhere_those_of_the_path_executed_meanwhile_pass() -> None:
     gate = PoseGate()
     for number in range(60):
         is_elsewhere = 20 <= number < 40
@@ -102,7 +102,7 @@ def test_after_poses_elsewhere_those_of_the_way_flown_meanwhile_pass() -> None:
     assert gate.resets_count == 0
 
 
-def test_after_a_silence_the_way_flown_meanwhile_passes() -> None:
+def test_after_a_silence_the_path_executed_meanwhile_passes() -> None:
     gate = PoseGate()
     gate.jump(at(0.0), 0.0, 0.0, 10.0)
     assert gate.jump(at(5.0), 0.6, 0.0, 10.0) is None

@@ -24,7 +24,7 @@ def steps(places: list[Vector3], velocity: Vector3 | None = FLOWN, std_dev_m: fl
     ]
 
 
-def test_a_motion_that_is_flown_has_no_steps() -> None:
+def test_a_motion_that_is_executed_has_no_steps() -> None:
     assert not any(steps([at(number) for number in range(200)]))
 
 
@@ -35,19 +35,19 @@ def test_noise_is_no_step() -> None:
 
 
 @pytest.mark.parametrize("beside_m", [0.3, 0.5, -0.5])
-def test_a_step_is_told_once(beside_m: float) -> None:
+def test_a_step_is_reported_once(beside_m: float) -> None:
     places = [at(number, beside_m if number >= 100 else 0.0) for number in range(200)]
     assert {number: step_m for number, step_m in enumerate(steps(places)) if step_m} == {100: abs(beside_m)}
 
 
-def test_without_a_velocity_only_a_step_that_no_motion_explains_is_told() -> None:
+def test_without_a_velocity_only_a_step_that_no_motion_explains_is_reported() -> None:
     places = [at(number, 0.5 if number >= 100 else 0.0) for number in range(200)]
     assert not any(steps(places, velocity=Vector3(8.5, 0.0, 0.0))[:100])
     assert [bool(each) for each in steps(places, velocity=None)].count(True) == 1
 
 
 @pytest.mark.parametrize("ratio", [2, 3, 5])
-def test_two_senders_beside_each_other_are_two_sources(ratio: int) -> None:
+def test_two_senders_next_to_each_other_are_two_sources(ratio: int) -> None:
     """The second one sends one pose for so many of both."""
     sources, told = PoseSources(), []
     for number in range(100):

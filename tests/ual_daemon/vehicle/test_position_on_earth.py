@@ -26,7 +26,7 @@ GOOD, BAD = Sample(Estimator(True, ""), 0.0), Sample(Estimator(False, "no positi
         (None, None, None),
     ],
 )
-def test_a_position_is_told_where_the_estimator_or_else_the_satellites_are_good(
+def test_a_position_is_reported_where_the_estimator_or_else_the_satellites_are_good(
     flying: Stepped, monkeypatch: pytest.MonkeyPatch, estimator: Any, gps: GpsInfo | None, told: GeoPoint | None
 ) -> None:
     backend = flying.vehicle.backend

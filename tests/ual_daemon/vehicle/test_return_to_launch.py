@@ -34,7 +34,7 @@ def go(uav: Stepped, x: float, y: float, z: float) -> None:
     uav.samples.clear()
 
 
-def places(uav: Stepped) -> list[Vector3]:
+def positions(uav: Stepped) -> list[Vector3]:
     return [sample.pose.position for sample in uav.samples if sample.pose is not None]
 
 
@@ -51,7 +51,7 @@ def test_it_climbs_flies_home_and_lands_as_one_task(flying: Stepped) -> None:
         progress.append(task.info().progress)
     task.future.result()
     assert task.info().status is TaskStatus.SUCCEEDED
-    flown = places(flying)
+    flown = positions(flying)
     assert max(p.z for p in flown) == pytest.approx(15.0, abs=0.1)  # rtl_height_m
     climb = [p for p in flown if p.z < 14.5 and from_home_m(p) > 5.0]
     assert max(math.hypot(p.x - 12.0, p.y + 9.0) for p in climb) < 0.1  # straight up
@@ -70,20 +70,20 @@ def test_it_climbs_flies_home_and_lands_as_one_task(flying: Stepped) -> None:
 def test_it_stays_at_its_height_where_that_is_larger(flying: Stepped) -> None:
     go(flying, 6.0, -1.0, 20.0)
     flying.end(flying.prepare.return_to_launch().begin().future, 200.0)
-    assert max(p.z for p in places(flying)) < 20.1
+    assert max(p.z for p in positions(flying)) < 20.1
 
 
-def test_the_height_may_be_given(flying: Stepped) -> None:
+def test_the_height_may_be_passed(flying: Stepped) -> None:
     go(flying, 6.0, -1.0, 3.0)
     assert flying.prepare.return_to_launch(6.0).plan.length_m == pytest.approx(7.0, abs=0.1)
     flying.end(flying.prepare.return_to_launch(6.0).begin().future)
-    assert max(p.z for p in places(flying)) == pytest.approx(6.0, abs=0.1)
+    assert max(p.z for p in positions(flying)) == pytest.approx(6.0, abs=0.1)
 
 
 def test_over_home_it_lands_without_a_climb(flying: Stepped) -> None:
     assert flying.prepare.return_to_launch().plan.length_m == pytest.approx(0.0, abs=0.1)
     flying.end(flying.prepare.return_to_launch().begin().future)
-    assert max(p.z for p in places(flying)) < 3.2
+    assert max(p.z for p in positions(flying)) < 3.2
 
 
 @pytest.mark.parametrize("value", [0.0, -1.0, math.nan, math.inf, 1e9])
@@ -100,10 +100,10 @@ def test_it_stays_below_the_ceiling_and_the_fence(ceiling_m: float, fence: Geofe
         with pytest.raises(GeofenceError, match="give another height_m"):
             uav.prepare.return_to_launch(30.0)
         uav.end(uav.prepare.return_to_launch().begin().future)
-        assert max(p.z for p in places(uav)) == pytest.approx(10.0, abs=0.1)
+        assert max(p.z for p in positions(uav)) == pytest.approx(10.0, abs=0.1)
 
 
-def test_a_way_that_crosses_the_fence_is_refused_and_nothing_moves() -> None:
+def test_a_path_that_crosses_the_fence_is_refused_and_nothing_moves() -> None:
     l_shape = ((-10.0, -10.0), (10.0, -10.0), (10.0, 0.0), (0.0, 0.0), (0.0, 10.0), (-10.0, 10.0))
     settings = VehicleSettings(geofence=GeofenceSettings(polygon=l_shape))
     with stepped(settings, light={"start": [-5.0, 8.0, 0.0]}) as uav:
@@ -125,7 +125,7 @@ def test_from_a_motion_it_first_comes_to_rest(flying: Stepped) -> None:
     begun = flying.pose.position
     flying.samples.clear()
     flying.end(flying.prepare.return_to_launch(8.0).begin().future)
-    flown = places(flying)
+    flown = positions(flying)
     assert max(p.x for p in flown) < begun.x + 2.0
     assert max(abs(p.y + 1.0) for p in flown) < 0.1
     assert all(p.z > 7.5 for p in flown if HOME.x + 1.0 < p.x < begun.x - 0.5)
@@ -155,7 +155,7 @@ def test_it_can_be_cancelled_until_the_landing_begins(flying: Stepped) -> None:
     flying.end(task.future)
 
 
-def test_the_pilot_ends_it_on_the_way_and_in_the_landing(flying: Stepped) -> None:
+def test_the_pilot_ends_it_en_route_and_in_the_landing(flying: Stepped) -> None:
     for state in (State.FLYING_AUTO, State.LANDING):
         go(flying, 8.0, -1.0, 4.0)
         task = flying.prepare.return_to_launch(5.0).begin()
@@ -180,7 +180,7 @@ def test_a_dry_run_moves_nothing_and_needs_what_the_command_needs(flying: Steppe
         flying.vehicle.commands.plan(ReturnToLaunchRequest())
 
 
-def test_the_autopilots_home_goes_before_the_place_of_the_take_off(
+def test_the_autopilots_home_goes_before_the_position_of_the_take_off(
     flying: Stepped, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     backend = flying.vehicle.backend
@@ -218,7 +218,7 @@ def test_out_of_a_mode_of_the_autopilot_it_takes_control_back_and_flies_home_as_
     assert flying.pose.position.z < 0.1
 
 
-def test_a_failsafe_is_not_replaced_by_a_way_home_and_the_refusal_says_what_can_be_done(flying: Stepped) -> None:
+def test_a_failsafe_is_not_replaced_by_a_return_path_and_the_refusal_says_what_can_be_done(flying: Stepped) -> None:
     go(flying, 12.0, -9.0, 5.0)
     flying.sim.begin_fault(FailsafeTriggered("battery failsafe"))
     flying.run(0.1)
@@ -227,7 +227,7 @@ def test_a_failsafe_is_not_replaced_by_a_way_home_and_the_refusal_says_what_can_
     assert caught.value.metadata["by"] == "battery failsafe"
 
 
-def test_it_is_never_flown_out_of_a_mode_of_the_pilots(flying: Stepped) -> None:
+def test_it_is_never_controlled_out_of_a_mode_of_the_pilots(flying: Stepped) -> None:
     go(flying, 12.0, -9.0, 5.0)
     flying.sim.pilot_take_over()
     flying.run(0.1)

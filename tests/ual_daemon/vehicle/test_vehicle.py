@@ -172,7 +172,7 @@ def test_go_to_is_straight_with_a_synchronized_heading_and_does_not_overshoot(fl
     assert flying.pose.yaw_rad == pytest.approx(math.pi / 2, abs=0.02)
 
 
-def test_go_to_turns_the_shortest_way(flying: Stepped) -> None:
+def test_go_to_turns_the_smaller_angle(flying: Stepped) -> None:
     flying.end(flying.prepare.go_to_waypoint(at(0, 0, 3, math.radians(170))).begin().future)
     flying.samples.clear()
     flying.end(flying.prepare.go_to_waypoint(at(0, 0, 3, math.radians(-170))).begin().future)
@@ -509,7 +509,7 @@ def test_values_of_the_wrong_type_are_refused(flying: Stepped) -> None:
 
 
 @pytest.mark.parametrize("part", ["gimbals", "missions"])
-def test_a_defect_of_what_is_beside_flying_does_not_end_the_flight(
+def test_a_defect_of_what_is_next_to_flying_does_not_end_the_flight(
     flying: Stepped, part: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The UAV got no more setpoints, and clients no more samples."""
@@ -715,7 +715,7 @@ def test_a_goal_says_how_high_it_is_above_the_ground_where_home_has_another_heig
         assert task.description.endswith("(5.5 m above the ground of the take-off)")
 
 
-def test_home_pose_places_odom_in_map() -> None:
+def test_home_pose_positions_odom_in_map() -> None:
     settings = VehicleSettings(home_pose=(10.0, 20.0, 1.0), pose_frame_id="map")
     with stepped(settings) as uav:
         sample = uav.vehicle.telemetry()
@@ -729,7 +729,7 @@ def test_home_pose_places_odom_in_map() -> None:
         assert tuple(uav.pose.position) == pytest.approx((12, 20, 3), abs=0.03)
 
 
-def test_map_origin_geo_places_odom_in_map() -> None:
+def test_map_origin_geo_positions_odom_in_map() -> None:
     settings = VehicleSettings(map_origin_geo=(37.4117, -6.0023, 8.0))
     with stepped(settings) as uav:
         home = uav.vehicle.transform("map", "uav_1/odom").translation
@@ -738,7 +738,9 @@ def test_map_origin_geo_places_odom_in_map() -> None:
         assert home.z == pytest.approx(2.0)
 
 
-def test_a_map_origin_beyond_the_reach_is_told_and_its_goals_are_refused(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_map_origin_beyond_the_distance_limit_is_reported_and_its_goals_are_refused(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
     """As where latitude and longitude were swapped."""
     with stepped(VehicleSettings(map_origin_geo=(-6.0023, 37.4117, 8.0))) as uav:
         uav.fly(2.0)

@@ -32,7 +32,7 @@ def test_a_uav_that_is_commanded_nothing_comes_back_when_the_wind_has_moved_it(f
     assert (flying.pose.position - place).norm() < 0.02
 
 
-def test_a_line_is_held_in_the_body_whichever_way_it_looks(uav: Stepped) -> None:
+def test_a_path_is_held_in_the_body_whichever_path_it_points(uav: Stepped) -> None:
     uav.fly()
     uav.end(uav.prepare.go_to_waypoint(at(0, 0, 3, math.radians(30))).begin().future)
     command(uav, Vector3(1.0, 0.0, 0.0), 3.0, frame_id="uav_1/base_link")
@@ -45,7 +45,7 @@ def test_a_line_is_held_in_the_body_whichever_way_it_looks(uav: Stepped) -> None
     assert (way - heading * way.dot(heading)).norm() < 0.05
 
 
-def test_a_uav_that_stops_holds_its_line_and_height_and_does_not_fly_back(flying: Stepped) -> None:
+def test_a_uav_that_stops_holds_its_path_and_height_and_does_not_fly_back(flying: Stepped) -> None:
     command(flying, Vector3(1.5, 0.0, 0.0), 5.0)
     begin = flying.pose.position
     flying.samples.clear()
@@ -56,7 +56,7 @@ def test_a_uav_that_stops_holds_its_line_and_height_and_does_not_fly_back(flying
     assert max(abs(place.z - begin.z) for place in places) < 0.01
 
 
-def test_after_the_pilot_had_it_the_place_is_the_new_one(flying: Stepped) -> None:
+def test_after_the_pilot_had_it_the_position_is_the_new_one(flying: Stepped) -> None:
     command(flying, Vector3(), 2.0)
     flying.sim.pilot_take_over()
     flying.until(lambda: flying.is_in(State.FLYING_MANUAL))
@@ -72,7 +72,7 @@ def test_after_the_pilot_had_it_the_place_is_the_new_one(flying: Stepped) -> Non
     assert (flying.pose.position - place).norm() < 0.05
 
 
-def test_a_steady_wind_moves_its_line_by_no_more_than_the_autopilot_lacks() -> None:
+def test_a_steady_wind_moves_its_path_by_no_more_than_the_autopilot_lacks() -> None:
     with stepped(light={"wind_m_s": [3.0, 0.0, 0.0]}) as windy:
         windy.fly()
         command(windy, Vector3(0.0, 1.0, 0.0), 4.0)

@@ -49,7 +49,7 @@ def test_keys_are_private_and_certificates_are_for_everybody(directory: Path) ->
         (["caller", "../laptop"], "is no name"),
     ],
 )
-def test_why_it_is_refused_is_said(directory: Path, words: list[str], why: str) -> None:
+def test_why_it_is_refused_is_reported(directory: Path, words: list[str], why: str) -> None:
     before = {path.name: path.read_bytes() for path in directory.iterdir()}
     result = run(directory, *words)
     assert result.exit_code == 1

@@ -83,7 +83,7 @@ def team(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Team]:
         yield made
 
 
-def test_the_files_name_what_lies_beside_them_and_keep_keys_out(team: Team) -> None:
+def test_the_files_name_what_lies_next_to_them_and_keep_keys_out(team: Team) -> None:
     names = [Path(path).name for path in team.written]
     assert names == [
         "router_1.router.json5",
@@ -125,7 +125,7 @@ def test_each_does_what_its_certificate_allows_and_nothing_else(team: Team) -> N
     spy.close()  # type: ignore[no-untyped-call]
 
 
-def test_a_router_shows_what_it_refuses_where_it_is_asked_to(tmp_path: Path) -> None:
+def test_a_router_shows_what_it_refuses_where_it_is_requested_to(tmp_path: Path) -> None:
     """Zenoh has a line for it, which nothing shows by itself."""
     with ExitStack() as stack:
         team = Team(tmp_path, stack)
@@ -173,7 +173,7 @@ def test_a_stranger_is_not_let_in(team: Team, tmp_path: Path) -> None:
         (["--router", "router_1=127.0.0.1", "--uav", "uav_3"], "there is no .*uav_3.pem"),
     ],
 )
-def test_why_it_is_refused_is_said(team: Team, words: list[str], why: str) -> None:
+def test_why_it_is_refused_is_reported(team: Team, words: list[str], why: str) -> None:
     result = run(team.directory, "network", "farm", *words)
     assert result.exit_code == 1
     assert re.search(why, result.output), result.output

@@ -103,7 +103,7 @@ def test_list_shows_what_uavs_tell_and_where_they_are(net: ZenohNet, config: str
     assert {each["needed_role"] for each in found} == {"pilot"}
 
 
-def test_what_is_there_and_not_seen_is_a_result(net: ZenohNet, config: str, telling: ExitStack) -> None:
+def test_what_is_there_and_not_observed_is_a_result(net: ZenohNet, config: str, telling: ExitStack) -> None:
     """A list without a word of it would pass for all UAVs."""
     Telling(telling, [(net.publication("uav_1", 1), report())])
     net.publication("uav_2", 2)
@@ -135,7 +135,7 @@ def test_a_flood_of_signs_of_life_hides_nobody_and_every_end_comes(net: ZenohNet
     until(lambda: [uav.ns for uav in later.uavs()] == ["uav_1"])
 
 
-def test_a_uav_that_listens_only_on_its_own_computer_is_not_flown(
+def test_a_uav_that_listens_only_on_its_own_computer_is_not_executed(
     net: ZenohNet, config: str, telling: ExitStack
 ) -> None:
     there = report(uav(address="127.0.0.1:50051"), host="field-1")
@@ -146,7 +146,7 @@ def test_a_uav_that_listens_only_on_its_own_computer_is_not_flown(
     assert "uav_1 can be reached only on its own computer, field-1" in result.stderr
 
 
-def test_a_name_that_is_not_there_is_told(net: ZenohNet, config: str) -> None:
+def test_a_name_that_is_not_there_is_reported(net: ZenohNet, config: str) -> None:
     result = run("--network-config", config, "--ns", "uav_9", "land")
     assert result.exit_code == 1
     assert f"no UAV uav_9 is on the network (site {net.site}" in result.stderr
@@ -263,7 +263,7 @@ def test_of_two_uavs_that_come_together_a_gateway_takes_none() -> None:
     assert upstreams.addresses == {}
 
 
-def test_a_gateway_takes_addresses_that_nginx_needs_not_look_up() -> None:
+def test_a_gateway_takes_addresses_that_nginx_needs_not_resolve() -> None:
     case = Case()
     said: list[str] = []
     upstreams = Upstreams(said.append)
@@ -272,7 +272,7 @@ def test_a_gateway_takes_addresses_that_nginx_needs_not_look_up() -> None:
     assert said == ["uav_1 is at field-1:50051: nginx wants an IP address: set `host` in its network's file"]
 
 
-def test_a_board_shows_what_is_told_and_since_when_it_is_gone() -> None:
+def test_a_board_shows_what_is_reported_and_since_when_it_is_gone() -> None:
     case = Case()
     said: list[str] = []
     board = Board([], 1.0, 600.0)
@@ -292,7 +292,7 @@ def test_a_board_shows_what_is_told_and_since_when_it_is_gone() -> None:
     assert board.watched_uavs()["uav_1"].why == ""
 
 
-def test_two_of_one_name_have_a_line_each() -> None:
+def test_two_of_one_name_have_a_row_each() -> None:
     case = Case()
     board = Board([], 1.0)
     feed = Feed(case, board, case.said.append)  # type: ignore[arg-type]

@@ -61,7 +61,7 @@ def test_clocks_that_differ_by_seconds_are_found_out(tmp_path: Path) -> None:
     assert moved.times_s[at_most] == pytest.approx(25.0, abs=0.15)
 
 
-def test_it_is_moved_onto_the_places_of_the_recording(track: LogTrack) -> None:
+def test_it_is_moved_onto_the_positions_of_the_recording(track: LogTrack) -> None:
     moved = laid_over(track, TIMES_S, SPEEDS, BEGIN_S)
     xs = [-(time_s + 20.0) / 5 + 7.0 for time_s in TIMES_S]
     ys = [(time_s + 20.0) / 10 - 3.0 for time_s in TIMES_S]

@@ -34,9 +34,9 @@ def run(*words: str | Path) -> str:
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def recording_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A flight that the daemon recorded, with a refusal."""
-    directory = tmp_path_factory.mktemp("flown")
+    directory = tmp_path_factory.mktemp("recording_file")
     flags = ("--backend", "light", "--listen", "127.0.0.1:0", "--auto-arm", "--set", "light.speed_factor=10")
     daemon = DaemonProcess((*flags, "--record", str(directory)), "uav_1", daemon_environment(directory / "ual"))
     try:
@@ -55,24 +55,24 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_info_says_what_is_in_a_recording(flown: Path) -> None:
-    text = run("record", "info", flown)
+def test_info_says_what_is_in_a_recording(recording_file: Path) -> None:
+    text = run("record", "info", recording_file)
     assert "uav_1: LANDED_DISARMED LANDED_ARMED TAKING_OFF FLYING_AUTO LANDING LANDED_ARMED" in text
     assert "GoToWaypoint GEOFENCE 1, GoToWaypoint OK 1, Land OK 1" in text
-    found: dict[str, Any] = json.loads(run("--json", "record", "info", flown))
+    found: dict[str, Any] = json.loads(run("--json", "record", "info", recording_file))
     assert found["is_whole"] is True
     assert found["topics"]["/uav_1/telemetry"]["schema"] == "ual.v1.Telemetry"
-    assert found["topics"]["/uav_1/telemetry"]["count"] == len(list(telemetry(flown)))
+    assert found["topics"]["/uav_1/telemetry"]["count"] == len(list(telemetry(recording_file)))
 
 
 def telemetry(path: Path) -> list[ual.Telemetry]:
     return [message.telemetry() for message in Recording(path).messages(lambda topic: topic.endswith("/telemetry"))]
 
 
-def test_a_table_has_a_row_for_each_sample(flown: Path, tmp_path: Path) -> None:
-    run("record", "export", flown, "--csv", "--directory", tmp_path)
-    samples = telemetry(flown)
-    with (tmp_path / f"{flown.stem}_uav_1.csv").open(newline="") as file:
+def test_a_table_has_a_row_for_each_sample(recording_file: Path, tmp_path: Path) -> None:
+    run("record", "export", recording_file, "--csv", "--directory", tmp_path)
+    samples = telemetry(recording_file)
+    with (tmp_path / f"{recording_file.stem}_uav_1.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["state"] for row in rows] == [sample.state.name for sample in samples]
     pose = samples[-1].pose
@@ -81,37 +81,37 @@ def test_a_table_has_a_row_for_each_sample(flown: Path, tmp_path: Path) -> None:
     assert {row["task"] for row in rows} == {"", "TAKE_OFF", "GO_TO_WAYPOINT", "LAND"}
 
 
-def test_a_table_as_parquet_has_the_same_columns(flown: Path, tmp_path: Path) -> None:
+def test_a_table_as_parquet_has_the_same_columns(recording_file: Path, tmp_path: Path) -> None:
     parquet = pytest.importorskip("pyarrow.parquet", reason="the extra 'parquet' is not installed")
-    run("record", "export", flown, "--parquet", "--directory", tmp_path)
-    table = parquet.read_table(tmp_path / f"{flown.stem}_uav_1.parquet")
-    assert table.column("state").to_pylist() == [sample.state.name for sample in telemetry(flown)]
+    run("record", "export", recording_file, "--parquet", "--directory", tmp_path)
+    table = parquet.read_table(tmp_path / f"{recording_file.stem}_uav_1.parquet")
+    assert table.column("state").to_pylist() == [sample.state.name for sample in telemetry(recording_file)]
 
 
-def test_tracks_lead_over_the_places_of_the_flight(flown: Path, tmp_path: Path) -> None:
-    run("record", "export", flown, "--kml", "--gpx", "--directory", tmp_path)
-    kml = ET.parse(tmp_path / f"{flown.stem}.kml")
-    gpx = ET.parse(tmp_path / f"{flown.stem}.gpx")
+def test_tracks_lead_over_the_positions_of_the_flight(recording_file: Path, tmp_path: Path) -> None:
+    run("record", "export", recording_file, "--kml", "--gpx", "--directory", tmp_path)
+    kml = ET.parse(tmp_path / f"{recording_file.stem}.kml")
+    gpx = ET.parse(tmp_path / f"{recording_file.stem}.gpx")
     line = kml.findtext(".//{*}LineString/{*}coordinates")
     assert line is not None
     places = [tuple(map(float, place.split(","))) for place in line.split()]
     points = [(float(each.attrib["lon"]), float(each.attrib["lat"])) for each in gpx.iterfind(".//{*}trkpt")]
     assert points == [place[:2] for place in places]
-    last = [sample.position_geo for sample in telemetry(flown) if sample.position_geo is not None][-1]
+    last = [sample.position_geo for sample in telemetry(recording_file) if sample.position_geo is not None][-1]
     assert points[-1] == pytest.approx((last.longitude_deg, last.latitude_deg), abs=2e-8)
 
 
-def test_a_flight_is_drawn_on_one_page(flown: Path, tmp_path: Path) -> None:
+def test_a_flight_is_drawn_on_one_page(recording_file: Path, tmp_path: Path) -> None:
     target = tmp_path / "flight.pdf"
-    run("plot", flown, "--output", target)
+    run("plot", recording_file, "--output", target)
     assert target.read_bytes().startswith(b"%PDF")
 
 
-def test_the_autopilots_log_is_drawn_beside_it(flown: Path, tmp_path: Path) -> None:
+def test_the_autopilots_log_is_drawn_next_to_it(recording_file: Path, tmp_path: Path) -> None:
     from ual_tools.recording import page
 
-    [flight] = page.flights(Recording(flown).messages())
-    begin_s = next(iter(Recording(flown).messages())).log_ns * 1e-9
+    [flight] = page.flights(Recording(recording_file).messages())
+    begin_s = next(iter(Recording(recording_file).messages())).log_ns * 1e-9
     samples = [
         Sample(time_s + 50.0, y, x, -z, speed)
         for time_s, x, y, z, speed in zip(
@@ -119,21 +119,21 @@ def test_the_autopilots_log_is_drawn_beside_it(flown: Path, tmp_path: Path) -> N
         )
     ]
     write_ulog(tmp_path / "a.ulg", samples, begin_s - 50.0)
-    run("plot", flown, "--log", tmp_path / "a.ulg", "--output", tmp_path / "both.svg")
-    run("plot", flown, "--output", tmp_path / "one.svg")
+    run("plot", recording_file, "--log", tmp_path / "a.ulg", "--output", tmp_path / "both.svg")
+    run("plot", recording_file, "--output", tmp_path / "one.svg")
     assert "the autopilot" in (tmp_path / "both.svg").read_text()
     assert "the autopilot" not in (tmp_path / "one.svg").read_text()
     write_ulog(tmp_path / "a.ulg", samples, begin_s + 3600.0)
-    refused = CliRunner().invoke(cli, ["plot", str(flown), "--log", str(tmp_path / "a.ulg")])
+    refused = CliRunner().invoke(cli, ["plot", str(recording_file), "--log", str(tmp_path / "a.ulg")])
     assert (refused.exit_code, "of another time" in refused.output) == (1, True)
-    refused = CliRunner().invoke(cli, ["plot", str(flown), "--log", str(Path(__file__))])
+    refused = CliRunner().invoke(cli, ["plot", str(recording_file), "--log", str(Path(__file__))])
     assert (refused.exit_code, "ends in none of .ulg, .bin" in refused.output) == (2, True)
 
 
-def test_the_drawing_has_states_tasks_and_refusals(flown: Path) -> None:
+def test_the_drawing_has_states_tasks_and_refusals(recording_file: Path) -> None:
     from ual_tools.recording import page
 
-    [flight] = page.flights(Recording(flown).messages())
+    [flight] = page.flights(Recording(recording_file).messages())
     states = [band.label for band in flight.states]
     assert states[:5] == ["LANDED_DISARMED", "LANDED_ARMED", "TAKING_OFF", "FLYING_AUTO", "LANDING"]
     assert [band.label for band in flight.tasks] == ["TAKE_OFF", "GO_TO_WAYPOINT", "LAND"]
@@ -184,10 +184,10 @@ def test_a_client_records_what_a_uav_carries(start_daemon: StartDaemon, tmp_path
 
 
 @pytest.mark.usefixtures("runtime_dir")
-def test_a_wrong_use_is_refused(flown: Path, tmp_path: Path) -> None:
+def test_a_wrong_use_is_refused(recording_file: Path, tmp_path: Path) -> None:
     for words, status, why in (
-        (("record", "export", flown), 2, "say as what"),
-        (("plot", flown, "--output", tmp_path / "flight.gif"), 2, "ends in none of"),
+        (("record", "export", recording_file), 2, "say as what"),
+        (("plot", recording_file, "--output", tmp_path / "flight.gif"), 2, "ends in none of"),
         (("plot", Path(__file__)), 1, "it is no MCAP file"),
         (("record", "--directory", tmp_path, "--address", f"127.0.0.1:{free_port()}"), 1, "no UAL daemon"),
     ):
@@ -233,7 +233,7 @@ def empty_recording(directory: Path) -> Path:
 RECORDS = ((b"\x01", bytes(8)), (b"\x0f", bytes(4)), (b"\x02", bytes(20)))
 
 
-def test_a_recording_without_messages_is_said_to_have_none(tmp_path: Path) -> None:
+def test_a_recording_without_messages_is_reported_to_have_none(tmp_path: Path) -> None:
     file = empty_recording(tmp_path)
     assert run("record", "info", file).startswith(f"{file}: no messages, 0.0 MB\n")
     found = json.loads(run("--json", "record", "info", file))

@@ -167,7 +167,7 @@ def test_what_is_for_python_alone_is_another_build(machine: Machine, monkeypatch
     assert asked == ["-DUAL_FOR_PYTHON_ALONE=OFF"] * 2 + ["-DUAL_FOR_PYTHON_ALONE=ON"] * 2
 
 
-def test_a_build_that_fails_is_told_and_leaves_nothing_half_done(machine: Machine) -> None:
+def test_a_build_that_fails_is_reported_and_leaves_nothing_half_done(machine: Machine) -> None:
     machine.make_cmake(fails=True)
     done = machine.ual("ros2")
     assert done.returncode == 1

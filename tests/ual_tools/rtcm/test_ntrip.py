@@ -37,7 +37,7 @@ def mount(name: str, wants: str) -> str:
     return f"STR;{name};x;RTCM 3.3;1005;2;GPS;x;ESP;37.4;-6.0;{wants};0;x;none;B;N;0;"
 
 
-class Asked:
+class RequestLog:
     """One request: what was asked, and how to answer it."""
 
     def __init__(self, link: socket.socket) -> None:
@@ -61,11 +61,11 @@ class Asked:
 class Caster:
     """Answers requests for its table and its mount point, each as it is told."""
 
-    def __init__(self, on_table: Callable[[Asked], object], on_mount: Callable[[Asked], object]) -> None:
+    def __init__(self, on_table: Callable[[RequestLog], object], on_mount: Callable[[RequestLog], object]) -> None:
         self._answers = {True: on_table, False: on_mount}
         self._listening = socket.create_server(("127.0.0.1", 0))
         self.port = self._listening.getsockname()[1]
-        self.asked: list[Asked] = []
+        self.asked: list[RequestLog] = []
         self._thread = threading.Thread(target=self._serve)
         self._thread.start()
 
@@ -81,14 +81,14 @@ class Caster:
         with ExitStack() as stack, suppress(OSError):
             while True:
                 link = stack.enter_context(self._listening.accept()[0])
-                asked = Asked(link)
+                asked = RequestLog(link)
                 self.asked.append(asked)
                 with suppress(OSError):
                     self._answers[asked.first.startswith("GET / ")](asked)
                     link.shutdown(socket.SHUT_WR)
 
 
-def says(*pieces: bytes) -> Callable[[Asked], object]:
+def says(*pieces: bytes) -> Callable[[RequestLog], object]:
     return lambda asked: asked.say(*pieces)
 
 
@@ -165,14 +165,17 @@ def test_all_that_a_caster_sends_is_passed_on(caster: Callable[..., Caster], pie
     ],
     ids=["wants", "wants, 1", "table lacks it", "table does not say", "401", "403", "closes"],
 )
-def test_a_virtual_base_station_is_told_at_once_and_on_time(
-    caster: Callable[..., Caster], begin: bytes, on_table: Callable[[Asked], object], monkeypatch: pytest.MonkeyPatch
+def test_a_virtual_base_station_is_reported_at_once_and_on_time(
+    caster: Callable[..., Caster],
+    begin: bytes,
+    on_table: Callable[[RequestLog], object],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """It sends nothing before it knows where the UAV is, and stops where it is not told again."""
     monkeypatch.setattr(ntrip, "GGA_S", 1)
     told: list[tuple[str, float]] = []
 
-    def on_mount(asked: Asked) -> None:
+    def on_mount(asked: RequestLog) -> None:
         asked.say(begin)
         for sent in (FIRST, SECOND, FIRST):
             told.append((asked.gga(), time.monotonic()))
@@ -187,7 +190,7 @@ def test_a_virtual_base_station_is_told_at_once_and_on_time(
     assert header.startswith("Ntrip-GGA: $GPGGA,")
 
 
-def test_where_the_uav_is_is_said_as_nmea_has_it(caster: Callable[..., Caster]) -> None:
+def test_where_the_uav_is_is_reported_as_nmea_has_it(caster: Callable[..., Caster]) -> None:
     near = caster(TOLD, says(STREAM + FIRST))
     assert received(near.source(gga_s=5), len(FIRST)) == FIRST
     [header] = [each for each in near.asked[0].headers if each.startswith("Ntrip-GGA: ")]
@@ -202,13 +205,13 @@ def test_where_the_uav_is_is_said_as_nmea_has_it(caster: Callable[..., Caster]) 
 
 
 @pytest.mark.parametrize("gga_s", [None, 0])
-def test_a_caster_that_does_not_want_to_know_is_not_told(caster: Callable[..., Caster], gga_s: int | None) -> None:
+def test_a_caster_that_does_not_want_to_know_is_not_reported(caster: Callable[..., Caster], gga_s: int | None) -> None:
     near = caster(TOLD, says(STREAM + FIRST))
     assert received(near.source(gga_s), len(FIRST)) == FIRST
     assert not [each for each in near.asked[-1].headers if "GGA" in each]
 
 
-def test_a_virtual_base_station_is_not_asked_while_the_place_is_not_known(caster: Callable[..., Caster]) -> None:
+def test_a_virtual_base_station_is_not_queried_while_the_position_is_not_known(caster: Callable[..., Caster]) -> None:
     near = caster(says(table(mount("NEAR", "1"))), says(STREAM))
     with pytest.raises(SourceError, match="it wants to know where the UAV is, and that is not known yet"):
         received(near.source(place=None), 1)
@@ -251,8 +254,8 @@ def test_what_a_caster_refuses_or_breaks_is_tried_again(caster: Callable[..., Ca
             received(source, 1 << 20)
 
 
-def test_a_caster_that_knows_only_version_1_is_asked_as_that(caster: Callable[..., Caster]) -> None:
-    def on_mount(asked: Asked) -> None:
+def test_a_caster_that_knows_only_version_1_is_queried_as_that(caster: Callable[..., Caster]) -> None:
+    def on_mount(asked: RequestLog) -> None:
         asked.say(ICY + FIRST if asked.first.endswith("HTTP/1.0") else b"")
 
     near = caster(TOLD, on_mount)

@@ -67,7 +67,7 @@ class Running:
         with self.process:  # closes its outputs
             self.process.kill()
 
-    def told(self) -> str:
+    def reported(self) -> str:
         """Returns the next text line."""
         assert self.process.stderr is not None
         return self.process.stderr.readline()
@@ -130,12 +130,12 @@ def test_what_a_caster_sends_reaches_the_receiver_whole_and_in_order(daemon: Dae
 
 
 @pytest.mark.parametrize("vehicle", ["px4"], indirect=True)
-def test_a_caster_that_refuses_is_told_and_a_wrong_mount_point_ends_it(daemon: DaemonProcess) -> None:
+def test_a_caster_that_refuses_is_reported_and_a_wrong_mount_point_ends_it(daemon: DaemonProcess) -> None:
     with caster() as (port, _):
         wrong = ual_rtcm(daemon, "--ntrip", f"ntrip://ann:secret@127.0.0.1:{port}/NOWHERE")
         assert (wrong.exit_code, "has no mount point NOWHERE (it has pygnssutils)" in wrong.output) == (1, True)
         with Running(daemon, "--ntrip", f"ntrip://ann:wrong@127.0.0.1:{port}/pygnssutils") as running:
-            told = running.told()
+            told = running.reported()
     assert "401 Unauthorized" in told
     assert "trying again in" in told
 
@@ -172,7 +172,7 @@ class Caster:
                 connection.sendall(self.TABLE if is_table else b"")
 
 
-def test_a_caster_that_wants_to_know_is_told_where_the_uav_is(daemon: DaemonProcess, vehicle: Vehicle) -> None:
+def test_a_caster_that_wants_to_know_learns_where_the_uav_is(daemon: DaemonProcess, vehicle: Vehicle) -> None:
     with closing(Caster()) as near, ual.Uav(address=daemon.address) as uav:
         place = until(lambda: uav.telemetry().position_geo, "its place on Earth")
         with Running(daemon, "--ntrip", f"ntrip://127.0.0.1:{near.port}/NEAR"):

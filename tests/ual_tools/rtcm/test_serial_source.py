@@ -19,7 +19,7 @@ from ual_tools.rtcm.source import SerialSource, SourceError, serial_source
 SENT = rtcm.messages([30, 300, 1029])
 
 
-class Line(NamedTuple):
+class LinkStub(NamedTuple):
     """A receiver's end of a serial line, and the path of the other one."""
 
     end: int
@@ -27,11 +27,11 @@ class Line(NamedTuple):
 
 
 @pytest.fixture
-def line() -> Iterator[Line]:
+def serial_link_stub() -> Iterator[LinkStub]:
     end, other = os.openpty()
     tty.setraw(other)
     try:
-        yield Line(end, os.ttyname(other))
+        yield LinkStub(end, os.ttyname(other))
     finally:
         os.close(other)
         if end >= 0:
@@ -45,34 +45,34 @@ def _close(end: int) -> None:
         return  # the test has closed it
 
 
-def read(source: SerialSource, count: int, line: Line, data: bytes) -> bytes:
+def read(source: SerialSource, count: int, serial_link_stub: LinkStub, data: bytes) -> bytes:
     """Writes data once the port is open, and returns what comes, up to so many bytes."""
     found = bytearray()
     with closing(source.chunks()) as chunks:
         next(chunks)  # it is open, and nothing has come
         written = 0
         while len(found) < count:
-            written += os.write(line.end, data[written : written + 500])  # the terminal takes 4 kB at most
+            written += os.write(serial_link_stub.end, data[written : written + 500])  # the terminal takes 4 kB at most
             found += next(chunks)
     return bytes(found)
 
 
-def test_what_a_base_sends_comes_whole_and_in_order(line: Line) -> None:
+def test_what_a_base_sends_comes_whole_and_in_order(serial_link_stub: LinkStub) -> None:
     data = b"".join(SENT)
-    source = serial_source(f"{line.path}:9600")
-    assert source.name == f"{line.path}:9600"
-    assert read(source, len(data), line, data) == data
-    assert read(source, len(data), line, data) == data  # it can be opened again
+    source = serial_source(f"{serial_link_stub.path}:9600")
+    assert source.name == f"{serial_link_stub.path}:9600"
+    assert read(source, len(data), serial_link_stub, data) == data
+    assert read(source, len(data), serial_link_stub, data) == data  # it can be opened again
 
 
-def test_without_a_rate_it_is_the_usual_one(line: Line) -> None:
-    assert serial_source(line.path).name == f"{line.path}:115200"
+def test_without_a_rate_it_is_the_usual_one(serial_link_stub: LinkStub) -> None:
+    assert serial_source(serial_link_stub.path).name == f"{serial_link_stub.path}:115200"
 
 
-def test_an_unplugged_or_absent_port_is_told_and_tried_again(line: Line) -> None:
-    with closing(serial_source(line.path).chunks()) as chunks:
+def test_an_unplugged_or_absent_port_is_reported_and_tried_again(serial_link_stub: LinkStub) -> None:
+    with closing(serial_source(serial_link_stub.path).chunks()) as chunks:
         assert next(chunks) == b""
-        os.close(line.end)
+        os.close(serial_link_stub.end)
         with pytest.raises(SourceError):
             deque(chunks, maxlen=0)
     with (
@@ -87,8 +87,11 @@ def test_an_unplugged_or_absent_port_is_told_and_tried_again(line: Line) -> None
     assert "; trying again in " in told[0]
 
 
-def test_a_port_that_another_program_has_is_not_read(line: Line) -> None:
-    with closing(serial_source(line.path).chunks()) as mine, closing(serial_source(line.path).chunks()) as theirs:
+def test_a_port_that_another_program_has_is_not_read(serial_link_stub: LinkStub) -> None:
+    with (
+        closing(serial_source(serial_link_stub.path).chunks()) as mine,
+        closing(serial_source(serial_link_stub.path).chunks()) as theirs,
+    ):
         next(mine)
         with pytest.raises(SourceError):
             next(theirs)

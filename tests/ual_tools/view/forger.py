@@ -68,14 +68,14 @@ class Forger:
 
         until(has_come, text, seen=lambda: self._updates[since:], between=self._read)
 
-    def read_until_lines(
+    def read_until_paths(
         self, name: str, are_these: Callable[[list[tuple[float, ...]]], bool] = bool
     ) -> list[tuple[float, ...]]:
         """Reads until lines of this name are drawn whose points fulfil a condition, and returns these."""
-        until(lambda: are_these(self._lines(name)), name, seen=lambda: [*self.nodes], between=self._read)
-        return self._lines(name)
+        until(lambda: are_these(self._rows(name)), name, seen=lambda: [*self.nodes], between=self._read)
+        return self._rows(name)
 
-    def _lines(self, name: str) -> list[tuple[float, ...]]:
+    def _rows(self, name: str) -> list[tuple[float, ...]]:
         node = self.nodes.get(name, {})
         return list(struct.iter_unpack("<3f", node["points"])) if node.get("visible") else []
 

@@ -26,7 +26,9 @@ def page(tmp_path: Path) -> Iterator[Page]:
         yield page
 
 
-def test_three_uavs_are_seen_flown_and_lost(page: Page, start_view: StartView, start_daemon: StartDaemon) -> None:
+def test_three_uavs_are_observed_executed_and_lost(
+    page: Page, start_view: StartView, start_daemon: StartDaemon
+) -> None:
     flags = ("--auto-arm", "--set", "light.speed_factor=10")
     daemons = [start_daemon(*flags, ns=f"uav_{n}") for n in (1, 2, 3)]
     for daemon in daemons:

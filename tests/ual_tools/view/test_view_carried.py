@@ -30,14 +30,14 @@ class Gripper:
         return self.answer
 
 
-def look(carried: PayloadBoard, gripper: Gripper, now_s: float, *, is_wanted: bool = True) -> None:
+def poll_once(carried: PayloadBoard, gripper: Gripper, now_s: float, *, is_wanted: bool = True) -> None:
     of_uav: Any = gripper
     carried.poll(of_uav, now_s, is_wanted=is_wanted)
 
 
-def test_each_device_has_a_line_and_what_is_not_known_is_told_as_unknown() -> None:
+def test_each_device_has_a_path_and_what_is_not_known_is_reported_as_unknown() -> None:
     carried = PayloadBoard()
-    look(carried, Gripper(ALL), 0.0)
+    poll_once(carried, Gripper(ALL), 0.0)
     assert carried.rows == (
         ("gripper claw", "closed; ordered: grip"),
         ("gripper hand", "unknown; the autopilot does not say it"),
@@ -48,33 +48,33 @@ def test_each_device_has_a_line_and_what_is_not_known_is_told_as_unknown() -> No
     )
 
 
-def test_it_is_asked_only_while_a_page_shows_it_and_not_more_often_than_that() -> None:
+def test_it_is_queried_only_while_a_page_shows_it_and_not_more_often_than_that() -> None:
     carried, gripper = PayloadBoard(), Gripper(ALL)
-    look(carried, gripper, 10.0, is_wanted=False)
+    poll_once(carried, gripper, 10.0, is_wanted=False)
     assert (gripper.asked_count, carried.rows) == (0, ())
     for now_s in (10.5, 11.0, 12.4, 12.5):
-        look(carried, gripper, now_s)
+        poll_once(carried, gripper, now_s)
     assert gripper.asked_count == 2
-    look(carried, gripper, 13.0, is_wanted=False)
+    poll_once(carried, gripper, 13.0, is_wanted=False)
     assert carried.rows == ()  # it may have changed until it is shown again
-    look(carried, gripper, 13.5)
+    poll_once(carried, gripper, 13.5)
     assert (gripper.asked_count, len(carried.rows)) == (3, 6)
 
 
-def test_what_does_not_answer_is_unknown_and_asked_again() -> None:
+def test_what_does_not_answer_is_unknown_and_queried_again() -> None:
     carried, gripper = PayloadBoard(), Gripper(ALL)
-    look(carried, gripper, 0.0)
+    poll_once(carried, gripper, 0.0)
     gripper.answer = LinkLostError("nothing is heard")
-    look(carried, gripper, 2.0)
+    poll_once(carried, gripper, 2.0)
     assert carried.rows == (("carries", "unknown: nothing is heard"),)
     gripper.answer = ALL
-    look(carried, gripper, 4.0)
+    poll_once(carried, gripper, 4.0)
     assert len(carried.rows) == 6
 
 
-def test_a_uav_that_carries_nothing_is_asked_once() -> None:
+def test_a_uav_that_carries_nothing_is_queried_once() -> None:
     for answer in (Equipment(), NotSupportedError("it has none")):
         carried, gripper = PayloadBoard(), Gripper(answer)
         for now_s in (0.0, 2.0, 4.0):
-            look(carried, gripper, now_s)
+            poll_once(carried, gripper, now_s)
         assert (gripper.asked_count, carried.rows) == (1, ())

@@ -29,7 +29,7 @@ def test_a_fence_without_a_top_is_drawn_on_the_ground() -> None:
     assert {point.z for line in found for point in line} == {0.0}
 
 
-def test_a_fence_without_sides_has_no_lines() -> None:
+def test_a_fence_without_sides_has_no_edges() -> None:
     assert fence_edges(Geofence(min_z_m=0.0, max_z_m=120.0)) == []
 
 

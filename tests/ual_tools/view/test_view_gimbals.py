@@ -35,7 +35,7 @@ def test_a_pyramid_begins_at_the_gimbal_and_opens_along_its_x() -> None:
     assert {round(abs(each.y - 20.5), 6) for each in corners} == {0.2}
 
 
-def test_each_gimbal_has_one_and_one_that_does_not_say_where_it_looks_has_none() -> None:
+def test_each_gimbal_has_one_and_one_that_does_not_say_where_it_points_has_none() -> None:
     frames = [frame("uav_1/gimbal_0", None), frame("uav_1/gimbal_1", DOWN), frame("uav_1/gimbal_12", DOWN)]
     assert len(views("uav_1", BODY, frames)) == 16
 

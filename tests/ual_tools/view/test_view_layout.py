@@ -44,14 +44,14 @@ def test_the_camera_sees_all_uavs_wherever_their_homes_are(found: list[Vector3],
         assert 0.0 <= pixel[1] <= height_px
 
 
-def test_the_camera_is_near_a_single_uav_and_looks_at_it() -> None:
+def test_the_camera_is_near_a_single_uav_and_faces_it() -> None:
     position, look_at = framing([Vector3(200.0, 100.0, 4.0)], FOV_RAD, 1.6)
     assert look_at == Vector3(200.0, 100.0, 4.0)
     assert (position - look_at).norm() < 10.0
     assert position.z > look_at.z
 
 
-def test_what_is_behind_the_camera_is_not_seen() -> None:
+def test_what_is_behind_the_camera_is_not_observed() -> None:
     camera = camera_at(Vector3(), Vector3(1.0, 0.0, 0.0), 800.0, 600.0)
     assert camera.pixel(Vector3(-1.0, 0.0, 0.0)) is None
     pixel = camera.pixel(Vector3(10.0, 1.0, 1.0))

@@ -25,7 +25,7 @@ GEOD = Geod(ellps="WGS84")
 
 
 @given(st.floats(-75.0, 75.0), st.floats(-180.0, 180.0), st.floats(-2000.0, 2000.0), st.floats(-2000.0, 2000.0))
-def test_a_place_is_where_the_ellipsoid_says(latitude_deg: float, longitude_deg: float, x: float, y: float) -> None:
+def test_a_position_is_where_the_ellipsoid_says(latitude_deg: float, longitude_deg: float, x: float, y: float) -> None:
     origin = Origin(EarthPosition(latitude_deg, longitude_deg))
     place = origin.position_at(Vector3(x, y, 0.0))
     back = origin.in_map(place)
@@ -34,7 +34,7 @@ def test_a_place_is_where_the_ellipsoid_says(latitude_deg: float, longitude_deg:
     assert distance_m == pytest.approx(Vector3(x, y, 0.0).norm(), abs=5.0)
 
 
-def test_the_origin_follows_from_a_uav_that_stands_beside_it() -> None:
+def test_the_origin_follows_from_a_uav_that_stands_next_to_it() -> None:
     here = Origin(SEVILLE).position_at(Vector3(200.0, 100.0, 0.0))
     found = Origin.of(here, Vector3(200.0, 100.0, 4.0))
     assert found.in_map(SEVILLE).norm() < 0.02
@@ -50,7 +50,7 @@ def test_tiles_are_counted_as_the_maps_of_the_web_do() -> None:
 
 
 @given(st.floats(-85.0, 85.0), st.floats(-180.0, 179.9999), st.integers(0, 22))
-def test_a_place_is_within_its_tile(latitude_deg: float, longitude_deg: float, zoom: int) -> None:
+def test_a_position_is_within_its_tile(latitude_deg: float, longitude_deg: float, zoom: int) -> None:
     north_west, _, south_east, _ = tile_at(EarthPosition(latitude_deg, longitude_deg), zoom).corners()
     assert south_east.latitude_deg - 1e-9 <= latitude_deg <= north_west.latitude_deg + 1e-9
     assert north_west.longitude_deg - 1e-9 <= longitude_deg <= south_east.longitude_deg + 1e-9
@@ -81,7 +81,7 @@ def test_what_is_no_map_is_refused(
         ground(*options)
 
 
-def test_there_is_none_unless_it_is_asked_for() -> None:
+def test_there_is_none_unless_it_is_requested() -> None:
     assert ground(None, 17, None, None) is None
     assert ground(None, 17, Path("a.png"), ("1,2", "1,3", "0,3", "0,2")) == MapPicture(
         Path("a.png"),

@@ -111,7 +111,9 @@ def test_a_page_lands_all_and_those_that_are_chosen(start_daemon: StartDaemon, s
         team.wait_for(State.LANDED_ARMED, State.LANDED_DISARMED)
 
 
-def test_what_one_refuses_is_said_beside_what_the_others_did(start_daemon: StartDaemon, start_view: StartView) -> None:
+def test_what_one_refuses_is_reported_next_to_what_the_others_did(
+    start_daemon: StartDaemon, start_view: StartView
+) -> None:
     names = ("uav_1", "uav_2", "uav_3")
     daemon = start_daemon("--fleet", "3", "--auto-arm", "--set", "light.speed_factor=10")
     for ns in names:
@@ -173,19 +175,19 @@ def test_a_uav_whose_autopilot_is_silent_is_lost_although_its_daemon_answers(
         page.read_until_text("### uav\\_1: LANDED\\_ARMED")
 
 
-def test_the_way_of_anothers_task_and_the_fence_are_drawn(start_daemon: StartDaemon, start_view: StartView) -> None:
+def test_the_path_of_anothers_task_and_the_fence_are_drawn(start_daemon: StartDaemon, start_view: StartView) -> None:
     fence = ("--set", "geofence.polygon=[[-5, -5], [9, -5], [9, 9], [-5, 9]]", "--set", "geofence.max_height_m=8")
     daemon = start_daemon("--auto-arm", *fence)
     daemon.wait_for("state", new="LANDED_ARMED")
     with forger(start_view()) as page, Uav(daemon.ns) as uav:
-        corners = page.read_until_lines("/fence/0")
+        corners = page.read_until_paths("/fence/0")
         assert len(corners) == 24
         assert {point[2] for point in corners} == {0.5, 8.0}
         assert {point[:2] for point in corners} == {(-5.0, -5.0), (9.0, -5.0), (9.0, 9.0), (-5.0, 9.0)}
         uav.simulation.set_speed_factor(0.1)  # the take-off lasts until the page has shown its way
         uav.take_off(2.0, blocking=False)
         above = pytest.approx((0.0, 0.0, 2.0), abs=0.3)
-        page.read_until_lines("/uav/0/way", lambda ends: bool(ends) and ends[-1] == above)
+        page.read_until_paths("/uav/0/way", lambda ends: bool(ends) and ends[-1] == above)
 
 
 def test_where_pictures_were_taken_and_the_last_one_are_drawn(start_daemon: StartDaemon, start_view: StartView) -> None:
@@ -193,7 +195,7 @@ def test_where_pictures_were_taken_and_the_last_one_are_drawn(start_daemon: Star
     daemon.wait_for("state", new="LANDED_DISARMED")
     with forger(start_view()) as page, Uav(daemon.ns) as uav:
         uav.cameras[0].take_photo()
-        ends = page.read_until_lines("/pictures/0/places")
+        ends = page.read_until_paths("/pictures/0/places")
         assert len(ends) == 6
         assert ends[0] == pytest.approx((0.35, 0.0, 0.0), abs=1e-6)
         last = "/pictures/0/last"
@@ -203,10 +205,10 @@ def test_where_pictures_were_taken_and_the_last_one_are_drawn(start_daemon: Star
         page.send(type="GuiUpdateMessage", uuid=page.read_until("Pictures"), updates={"value": True})
         until(lambda: page.nodes[last]["_image_data"] is not None, "the picture", between=lambda: page.read(60.0))
         uav.cameras[0].take_photo()
-        page.read_until_lines("/pictures/0/places", lambda ends: len(ends) == 12)
+        page.read_until_paths("/pictures/0/places", lambda ends: len(ends) == 12)
 
 
-def test_where_a_gimbal_looks_is_drawn_while_a_page_wants_it(start_daemon: StartDaemon, start_view: StartView) -> None:
+def test_where_a_gimbal_points_is_drawn_while_a_page_wants_it(start_daemon: StartDaemon, start_view: StartView) -> None:
     daemon = start_daemon("--set", 'light.gimbals=[{"position": [0.5, 0, 0]}]')
     daemon.wait_for("state", new="LANDED_DISARMED")
     with forger(start_view()) as page, Uav(daemon.ns) as uav:
@@ -215,12 +217,12 @@ def test_where_a_gimbal_looks_is_drawn_while_a_page_wants_it(start_daemon: Start
         views = "/gimbals/0"
         assert views not in page.nodes
         page.send(type="GuiUpdateMessage", uuid=checkbox, updates={"value": True})
-        ends = page.read_until_lines(views)
+        ends = page.read_until_paths(views)
         assert len(ends) == 16
         assert ends[0] == pytest.approx((0.5, 0.0, 0.0), abs=1e-3)
         assert ends[1] == pytest.approx((1.5, 0.3, 0.2), abs=1e-3)
         uav.gimbals[0].set_angles(math.pi / 2.0)
-        page.read_until_lines(views, lambda ends: ends[1] == pytest.approx((0.7, 0.3, -1.0), abs=1e-3))
+        page.read_until_paths(views, lambda ends: ends[1] == pytest.approx((0.7, 0.3, -1.0), abs=1e-3))
         page.send(type="GuiUpdateMessage", uuid=checkbox, updates={"value": False})
         until(lambda: not page.nodes[views].get("visible"), "it is hidden", between=lambda: page.read(60.0))
 

@@ -34,7 +34,7 @@ class _Failing(Viewer):
             raise _Ctrl
 
 
-def test_a_picture_that_fails_is_said_and_does_not_end_the_view(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_picture_that_fails_is_reported_and_does_not_end_the_view(caplog: pytest.LogCaptureFixture) -> None:
     viewer = _Failing()
     with caplog.at_level(logging.WARNING), pytest.raises(_Ctrl):
         viewer.run()

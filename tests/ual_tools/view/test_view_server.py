@@ -26,7 +26,7 @@ RETRY_S = 1
 """asyncio's pause after a connection that could not be accepted."""
 
 
-def test_without_descriptors_it_is_said_once_and_asyncio_tries_once_each_second(
+def test_without_descriptors_it_is_reported_once_and_asyncio_tries_once_each_second(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     said: list[str] = []

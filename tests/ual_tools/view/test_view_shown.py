@@ -36,7 +36,7 @@ FLYING = Telemetry(
 )
 
 
-def look(seen: WatchedUav) -> Shown:
+def poll_once(seen: WatchedUav) -> Shown:
     return shown("uav_1", seen, now_s=NOW_S, utc_s=UTC_S, lost_after_s=LOST_AFTER_S)
 
 
@@ -45,7 +45,7 @@ def near(place: Vector3 | None, x: float, y: float, z: float) -> bool:
 
 
 def test_all_is_drawn_in_map() -> None:
-    uav = look(WatchedUav(NOW_S, FLYING))
+    uav = poll_once(WatchedUav(NOW_S, FLYING))
     assert uav.body is not None
     assert uav.odom is not None
     assert uav.reference is not None
@@ -61,21 +61,21 @@ def test_all_is_drawn_in_map() -> None:
 
 def test_the_reference_follows_the_frame_of_the_telemetry() -> None:
     in_map = dataclasses.replace(FLYING, frame_id="map", pose=IN_MAP, reference_pose=Pose(Vector3(7.0, 7.0, 7.0)))
-    reference = look(WatchedUav(NOW_S, in_map)).reference
+    reference = poll_once(WatchedUav(NOW_S, in_map)).reference
     assert reference is not None
     assert near(reference.position, 7.0, 7.0, 7.0)
 
 
 @pytest.mark.parametrize(("age_s", "is_lost"), [(0.0, False), (1.9, False), (2.0, True), (3600.0, True)])
 def test_an_old_sample_is_grey_and_says_since_when(age_s: float, is_lost: bool) -> None:
-    uav = look(WatchedUav(NOW_S - age_s, FLYING))
+    uav = poll_once(WatchedUav(NOW_S - age_s, FLYING))
     assert uav.is_lost is is_lost
     assert (uav.colour == GREY) is is_lost
     assert (f"LOST since {clock_text(UTC_S - age_s)}: no telemetry for {age_s:.0f} s" in uav.label) is is_lost
 
 
 def test_a_lost_uav_stays_where_it_was_and_shows_nothing_as_the_present() -> None:
-    uav = look(WatchedUav(NOW_S - 5.0, FLYING))
+    uav = poll_once(WatchedUav(NOW_S - 5.0, FLYING))
     assert uav.body is not None
     assert near(uav.body.position, 10.0, 21.0, 8.0)
     assert uav.reference is None
@@ -87,7 +87,7 @@ def test_a_lost_uav_stays_where_it_was_and_shows_nothing_as_the_present() -> Non
 
 
 def test_a_daemon_that_ended_is_lost_at_once() -> None:
-    uav = look(WatchedUav(NOW_S - 0.1, FLYING, gone_s=NOW_S))
+    uav = poll_once(WatchedUav(NOW_S - 0.1, FLYING, gone_s=NOW_S))
     assert uav.colour == GREY
     assert "its daemon has ended, it was FLYING_AUTO" in uav.label
 
@@ -96,52 +96,52 @@ def test_an_old_pose_is_not_the_present_however_new_its_telemetry_is() -> None:
     # A daemon that hears nothing from its autopilot goes on sending the pose that it knew last.
     poses = PoseTimes()
 
-    def look_at(time_s: float, stamp_s: float) -> tuple[Shown, str]:
+    def sample(time_s: float, stamp_s: float) -> tuple[Shown, str]:
         seen = WatchedUav(time_s, dataclasses.replace(FLYING, stamp_s=stamp_s))
         since_s = poses.since_s("uav_1", seen, time_s)
         utc_s = UTC_S + time_s - NOW_S
         uav = shown("uav_1", seen, now_s=time_s, utc_s=utc_s, lost_after_s=LOST_AFTER_S, pose_since_s=since_s)
         return uav, panel.details(uav, seen, now_s=time_s).replace("\\", "")
 
-    assert not look_at(NOW_S, 5.0)[0].is_lost
-    uav, text = look_at(NOW_S + 1.9, 5.0)
+    assert not sample(NOW_S, 5.0)[0].is_lost
+    uav, text = sample(NOW_S + 1.9, 5.0)
     assert not uav.is_lost
     assert "pose 1.9 s old" in text
-    uav, text = look_at(NOW_S + 3.0, 5.0)
+    uav, text = sample(NOW_S + 3.0, 5.0)
     assert (uav.is_lost, uav.colour, uav.is_armed, uav.reference, uav.height_m) == (True, GREY, False, None, None)
     assert uav.label == "uav_1: LOST since 22:13:20 UTC: no new pose for 3 s, it is FLYING_AUTO (in the air)"
     assert "What was known then (3.0 s old)" in text
-    assert not look_at(NOW_S + 3.1, 5.1)[0].is_lost
+    assert not sample(NOW_S + 3.1, 5.1)[0].is_lost
     poses.keep([])
-    assert not look_at(NOW_S + 9.0, 5.1)[0].is_lost  # it was forgotten
+    assert not sample(NOW_S + 9.0, 5.1)[0].is_lost  # it was forgotten
 
 
-def test_a_pose_without_a_time_is_not_judged_by_it() -> None:
+def test_a_pose_without_a_time_is_not_assessed_by_it() -> None:
     poses = PoseTimes()
     assert poses.since_s("uav_1", WatchedUav(NOW_S, FLYING), NOW_S) is None
     assert poses.since_s("uav_1", WatchedUav(NOW_S, Telemetry(State.UNINITIALIZED, stamp_s=3.0)), NOW_S) is None
 
 
-def test_a_uav_that_was_never_seen_says_so() -> None:
-    assert look(WatchedUav(NOW_S)).label == "uav_1: no telemetry yet"
+def test_a_uav_that_was_never_observed_says_so() -> None:
+    assert poll_once(WatchedUav(NOW_S)).label == "uav_1: no telemetry yet"
     assert (
-        look(WatchedUav(NOW_S - 3.0, None, "LINK_LOST: x")).label
+        poll_once(WatchedUav(NOW_S - 3.0, None, "LINK_LOST: x")).label
         == "uav_1: never seen: no telemetry for 3 s: LINK_LOST: x"
     )
 
 
 def test_what_is_not_known_is_not_drawn() -> None:
-    uav = look(WatchedUav(NOW_S, Telemetry(State.UNINITIALIZED, "no pose")))
+    uav = poll_once(WatchedUav(NOW_S, Telemetry(State.UNINITIALIZED, "no pose")))
     assert (uav.body, uav.reference, uav.odom, uav.height_m) == (None, None, None, None)
     nowhere = dataclasses.replace(FLYING, transform=Transform(Vector3(math.nan, 0.0, 0.0)))
-    assert look(WatchedUav(NOW_S, nowhere)).body is None
+    assert poll_once(WatchedUav(NOW_S, nowhere)).body is None
     lost_frame = dataclasses.replace(FLYING, frame_lost="the autopilot rebooted", transform=None, odometry=None)
-    assert look(WatchedUav(NOW_S, lost_frame)).label == "uav_1 FLYING_AUTO: FRAME LOST"
+    assert poll_once(WatchedUav(NOW_S, lost_frame)).label == "uav_1 FLYING_AUTO: FRAME LOST"
 
 
-def test_the_panel_names_what_an_operator_looks_for() -> None:
+def test_the_panel_names_what_an_operator_searches() -> None:
     seen = WatchedUav(NOW_S, dataclasses.replace(FLYING, health=Health(link_quality=0.5, failsafe="battery failsafe")))
-    text = panel.details(look(seen), seen, now_s=NOW_S).replace("\\", "")
+    text = panel.details(poll_once(seen), seen, now_s=NOW_S).replace("\\", "")
     for words in ("in the air", "25 % after 7 s", "12.34 m left", "battery failsafe", "pose 0.0 s old; 50 %"):
         assert words in text
 
@@ -149,15 +149,15 @@ def test_the_panel_names_what_an_operator_looks_for() -> None:
 def test_the_panel_has_what_is_carried_but_not_of_a_lost_uav() -> None:
     carried = (("gripper claw", "closed"),)
     assert "| gripper claw | closed |" in panel.details(
-        look(WatchedUav(NOW_S, FLYING)), WatchedUav(NOW_S, FLYING), now_s=NOW_S, carried=carried
+        poll_once(WatchedUav(NOW_S, FLYING)), WatchedUav(NOW_S, FLYING), now_s=NOW_S, carried=carried
     )
     lost = WatchedUav(NOW_S - 10.0, FLYING)
-    assert "claw" not in panel.details(look(lost), lost, now_s=NOW_S, carried=carried)
+    assert "claw" not in panel.details(poll_once(lost), lost, now_s=NOW_S, carried=carried)
 
 
 def test_words_of_an_autopilot_are_no_markup() -> None:
     evil = dataclasses.replace(FLYING, status_text="<img src=x onerror=alert(1)> {a} | **c**\n# d http://b")
-    text = panel.details(look(WatchedUav(NOW_S, evil)), WatchedUav(NOW_S, evil), now_s=NOW_S)
+    text = panel.details(poll_once(WatchedUav(NOW_S, evil)), WatchedUav(NOW_S, evil), now_s=NOW_S)
     line = next(line for line in text.splitlines() if "onerror" in line)
     assert line == (r"| autopilot says | \<img src=x onerror=alert\(1\)\> \{a\} \| \*\*c\*\* \# d http\://b |")
 
@@ -227,7 +227,7 @@ def test_the_journal_has_each_change_once() -> None:
         old,
         old,
     ):
-        journal.note_changes(look(seen), seen, UTC_S)
+        journal.note_changes(poll_once(seen), seen, UTC_S)
     journal.refused("uav_1", "go to 1 2 3", GeofenceError("outside"), UTC_S)
     ended = TaskInfo("1", TaskKind.LAND, TaskStatus.ABORTED, error=GeofenceError("no"), description="land")
     journal.ended("uav_1", ended, UTC_S)
@@ -245,5 +245,5 @@ def test_the_journal_has_a_loss_once_although_its_age_grows() -> None:
     journal = Journal()
     for age_s in (4.7, 4.9, 5.1):
         seen = WatchedUav(NOW_S, dataclasses.replace(FLYING, status_text=f"nothing heard for {age_s:.1f} s"))
-        journal.note_changes(look(seen), seen, UTC_S)
+        journal.note_changes(poll_once(seen), seen, UTC_S)
     assert sum("nothing heard" in line for line in journal.entries("uav_1")) == 1

@@ -79,7 +79,7 @@ class Processes:
         process = subprocess.Popen(command, env=environment, stdout=log, stderr=subprocess.STDOUT)
         self._stack.callback(end, process)
         waited(lambda: process.poll() is not None or is_registered(ns, process))
-        assert process.poll() is None, self.said()
+        assert process.poll() is None, self.status_text()
         return process
 
     def node(self, *parameters: str, program: Sequence[str] = ("-m", "ual_ros2")) -> subprocess.Popen[bytes]:
@@ -87,7 +87,7 @@ class Processes:
         given = [word for parameter in parameters for word in ("-p", parameter)]
         return self.start(sys.executable, *program, "--ros-args", *given)
 
-    def said(self) -> str:
+    def status_text(self) -> str:
         """All that they have said."""
         return "".join(log.read_text(errors="replace") for log in sorted(self._directory.glob("*.log")))
 

@@ -62,7 +62,7 @@ def velocity(x: float, frame_id: str = "") -> TwistStamped:
     return message
 
 
-def place(x: float, frame_id: str, child_frame_id: str) -> TFMessage:
+def current_position(x: float, frame_id: str, child_frame_id: str) -> TFMessage:
     """A transform along x."""
     link = TransformStamped()
     link.header.frame_id, link.child_frame_id = frame_id, child_frame_id

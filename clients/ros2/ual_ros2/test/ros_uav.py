@@ -31,7 +31,7 @@ from ros_services import Asking, ServicesOverRos
 from ros_setpoints import Setpoints
 from ros_tasks import ActionGoal, RosTask, info_of
 from std_srvs.srv import Trigger
-from telling import Told
+from telling import ReportedSample
 from typing_extensions import Self
 from ual_msgs import action, srv
 
@@ -84,7 +84,7 @@ class RosUav(ServiceMembers):
         self._services = ServicesOverRos(self._asking, self._fly_mission)
         self._is_simulated = is_simulated
         self._now_s = now_s
-        self._told = Told(client, ns)
+        self._told = ReportedSample(client, ns)
         self._asked = LatchedTopics(client, ns)
         self._setpoints = Setpoints(client, ns, self._call)
         waited(lambda: self.telemetry().transform is not None)
@@ -264,7 +264,7 @@ class RosUav(ServiceMembers):
 class Subscribed:
     """A subscription to the samples."""
 
-    def __init__(self, told: Told, callback: Callable[[ual.Telemetry], None]) -> None:
+    def __init__(self, told: ReportedSample, callback: Callable[[ual.Telemetry], None]) -> None:
         self._told = told
         self._callback = callback
         told.begin(callback)

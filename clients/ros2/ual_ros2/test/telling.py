@@ -29,7 +29,7 @@ REFERENCE_S = 0.5
 """A reference pose that is older than this, beside the sample, is not there any more."""
 
 
-class Told:
+class ReportedSample:
     """Samples: the messages of one stamp, with the state that was told last."""
 
     def __init__(self, client: Client, ns: str) -> None:

@@ -78,7 +78,7 @@ def ended(processes: Processes) -> Iterator[None]:
         node.wait(60.0)
 
 
-def is_told(client: Client, state: int, text: str = "") -> None:
+def is_reported(client: Client, state: int, text: str = "") -> None:
     """Waits until the node that runs now tells a state, for a reason with a text in it."""
     states = client.hear(State, f"{UAL}/state", LATCHED)
     waited(lambda: states and states[-1].state == state and text in states[-1].reason)
@@ -88,7 +88,7 @@ def test_an_observer_sees_and_each_refusal_says_what_its_role_lacks(
     client: Client, processes: Processes, team: Team
 ) -> None:
     processes.node(*team.parameters("observer.token"))
-    is_told(client, State.LANDED_ARMED)
+    is_reported(client, State.LANDED_ARMED)
     poses, told = client.hear(PoseStamped, f"{UAL}/pose"), client.hear(DiagnosticArray, f"{UAL}/health", 10)
     waited(lambda: poses)
     refused = client.call(srv.TakeOff, f"{UAL}/take_off", height=3.0, blocking=True)
@@ -101,7 +101,7 @@ def test_an_observer_sees_and_each_refusal_says_what_its_role_lacks(
     stream = client.repeat(0.1, TwistStamped, f"{UAL}/set_velocity", lambda: velocity(1.0))
     waited(lambda: [each for each in told if "refused: PERMISSION_DENIED" in each.status[0].message])
     client.node.destroy_timer(stream)
-    is_told(client, State.LANDED_ARMED)
+    is_reported(client, State.LANDED_ARMED)
 
 
 def test_a_pilot_flies(client: Client, processes: Processes, team: Team) -> None:
@@ -120,12 +120,12 @@ def test_a_node_without_what_the_daemon_wants_says_so(
 ) -> None:
     parameters = team.parameters(without if without.endswith("token") else "pilot.token")
     processes.node("ns:=uav_1", *(each for each in parameters if not each.startswith(without)))
-    is_told(client, State.UNINITIALIZED, said)
+    is_reported(client, State.UNINITIALIZED, said)
     refused = client.call(srv.TakeOff, f"{UAL}/take_off", height=3.0, blocking=True)
     assert (refused.success, refused.reason) == (False, said.removesuffix(": "))
 
 
-def test_a_token_that_is_revoked_in_flight_ends_the_goal_and_is_told(
+def test_a_token_that_is_revoked_in_flight_ends_the_goal_and_is_reported(
     client: Client, processes: Processes, team: Team
 ) -> None:
     processes.node(*team.parameters("guest.token"))
@@ -134,7 +134,7 @@ def test_a_token_that_is_revoked_in_flight_ends_the_goal_and_is_told(
     ual(team.directory, "token", "revoke", "guest")
     status, result = client.end_of(goal)
     assert (status, result.reason) == (ABORTED, "UNAUTHENTICATED")
-    is_told(client, State.UNINITIALIZED, "UNAUTHENTICATED: ")
+    is_reported(client, State.UNINITIALIZED, "UNAUTHENTICATED: ")
     with Uav(address=team.address, tls_ca=str(team.directory / "certificates" / "authority.pem")) as world:
         waited(lambda: world.velocity().twist.linear.norm() < 0.02)
         telemetry = world.telemetry()

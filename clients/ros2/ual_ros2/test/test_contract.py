@@ -46,7 +46,7 @@ def metadata(message: Any) -> dict[str, str]:
     ],
 )
 @pytest.mark.usefixtures("flying")
-def test_a_refused_setpoint_is_told_and_counted(client: Client, kind: type, topic: str, message: Any) -> None:
+def test_a_refused_setpoint_is_reported_and_counted(client: Client, kind: type, topic: str, message: Any) -> None:
     told = client.hear(msg.Refusal, f"{UAL}/refusals", 100)
     waited(lambda: client.node.count_publishers(f"{UAL}/refusals"))
     wrong = client.repeat(0.02, kind, f"{UAL}/{topic}", lambda: message)
@@ -145,7 +145,7 @@ def test_an_action_names_its_task_also_where_it_is_aborted(client: Client) -> No
 # --- The way ----------------------------------------------------------------------------------------------------------
 
 
-def test_the_way_of_a_task_is_told_and_then_none(client: Client, flying: ual.Uav) -> None:
+def test_the_path_of_a_task_is_reported_and_then_none(client: Client, flying: ual.Uav) -> None:
     ways = client.hear(Path, f"{UAL}/route", LATCHED)
     waited(lambda: ways and not ways[-1].poses)
     begun = client.call(srv.GoToWaypoint, f"{UAL}/go_to_waypoint", waypoint=pose(50.0, 0.0, 3.0), blocking=False)
@@ -163,7 +163,7 @@ def test_the_way_of_a_task_is_told_and_then_none(client: Client, flying: ual.Uav
 # --- A path on Earth --------------------------------------------------------------------------------------------------
 
 
-def test_a_path_of_places_on_earth(client: Client, flying: ual.Uav) -> None:
+def test_a_path_of_positions_on_earth(client: Client, flying: ual.Uav) -> None:
     here = flying.telemetry().position_geo
     assert here is not None
     places = [
@@ -223,7 +223,7 @@ def test_control_is_taken_by_a_service_that_says_all(client: Client, flying: ual
 # --- Who it is --------------------------------------------------------------------------------------------------------
 
 
-def test_what_is_told_to_each_new_listener(client: Client, uav: ual.Uav) -> None:
+def test_what_is_reported_to_each_new_listener(client: Client, uav: ual.Uav) -> None:
     infos, fences = client.hear(msg.Info, f"{UAL}/info", LATCHED), client.hear(msg.Geofence, f"{UAL}/geofence", LATCHED)
     leases = client.hear(msg.Lease, f"{UAL}/lease", LATCHED)
     waited(lambda: infos and fences and leases)

@@ -74,21 +74,23 @@ def node(processes: Processes, tmp_path: Path) -> Iterator[LateNode]:
 
 
 @pytest.fixture
-def told(client: Client) -> list[DiagnosticArray]:
+def reported(client: Client) -> list[DiagnosticArray]:
     """Diagnostics so far."""
     return client.hear(DiagnosticArray, f"{UAL}/health", 10)
 
 
-def is_refused(told: list[DiagnosticArray], text: str) -> None:
+def is_refused(reported: list[DiagnosticArray], text: str) -> None:
     """Waits until the diagnostics say that a setpoint is refused, with a text in it."""
-    waited(lambda: [each for each in told if text in each.status[0].message])
+    waited(lambda: [each for each in reported if text in each.status[0].message])
 
 
 def is_still(uav: ual.Uav, begin: ual.Vector3) -> bool:
     return uav.telemetry().task is None and (uav.pose().pose.position - begin).norm() < 0.1
 
 
-def test_what_was_sent_to_a_node_that_stood_still_is_not_flown(client: Client, node: LateNode, flying: ual.Uav) -> None:
+def test_what_was_sent_to_a_node_that_stood_still_is_not_executed(
+    client: Client, node: LateNode, flying: ual.Uav
+) -> None:
     node.start()
     here = pose(0.0, 0.0, 3.0)
     assert client.call(srv.GoToWaypoint, GO_TO, waypoint=here, blocking=True).success
@@ -122,7 +124,7 @@ class Waiting(UavInterface):
         self._now_s += LATE_S
 
 
-def test_a_command_that_waited_too_long_for_its_frame_is_not_flown() -> None:
+def test_a_command_that_waited_too_long_for_its_frame_is_not_executed() -> None:
     command = RosCommand("set_velocity", srv.SetVelocity, lambda *_: pytest.fail("it is flown"))
 
     async def check() -> CommandOutcome:
@@ -141,33 +143,33 @@ def test_what_ends_a_flight_is_obeyed_late(client: Client, node: LateNode, flyin
     assert client.call(srv.Land, f"{UAL}/land", blocking=True).success
 
 
-def test_a_pose_that_its_publisher_kept_is_not_flown(
-    client: Client, node: LateNode, flying: ual.Uav, told: list[DiagnosticArray]
+def test_a_pose_that_its_publisher_kept_is_not_executed(
+    client: Client, node: LateNode, flying: ual.Uav, reported: list[DiagnosticArray]
 ) -> None:
     begin = flying.pose().pose.position
     node.be_late(0.6)  # longer than a setpoint may be old
     of_topic = "qos_overrides./uav_1/ual/set_pose.subscription"
     node.start(f"{of_topic}.durability:=transient_local", f"{of_topic}.reliability:=reliable")
-    waited(lambda: told)  # it is active: before that it hears nothing
+    waited(lambda: reported)  # it is active: before that it hears nothing
     client.node.create_publisher(PoseStamped, f"{UAL}/set_pose", LATCHED).publish(pose(9.0, 0.0, 3.0))
-    is_refused(told, "TIMEOUT: it was sent more than 0.5 s ago")
+    is_refused(reported, "TIMEOUT: it was sent more than 0.5 s ago")
     assert is_still(flying, begin)
 
 
 @pytest.mark.parametrize(("age_s", "words"), [(86_400.0, "ago"), (-86_400.0, "in the future")])
-def test_a_setpoint_that_is_stamped_for_another_time_is_not_flown(
-    client: Client, node: LateNode, flying: ual.Uav, told: list[DiagnosticArray], age_s: float, words: str
+def test_a_setpoint_that_is_stamped_for_another_time_is_not_executed(
+    client: Client, node: LateNode, flying: ual.Uav, reported: list[DiagnosticArray], age_s: float, words: str
 ) -> None:
     node.start()
     begin = flying.pose().pose.position
     wrong = velocity(1.0)
     wrong.header.stamp.sec = math.floor(time.time() - age_s)
     client.repeat(0.05, TwistStamped, f"{UAL}/set_velocity", lambda: wrong)
-    is_refused(told, f"TIMEOUT: it is stamped more than 0.5 s {words}")
+    is_refused(reported, f"TIMEOUT: it is stamped more than 0.5 s {words}")
     assert is_still(flying, begin)
 
 
-def test_a_setpoint_of_the_present_is_flown(client: Client, node: LateNode, flying: ual.Uav) -> None:
+def test_a_setpoint_of_the_present_is_executed(client: Client, node: LateNode, flying: ual.Uav) -> None:
     node.start()
 
     def stamped() -> TwistStamped:

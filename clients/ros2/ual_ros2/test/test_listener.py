@@ -40,7 +40,7 @@ def node() -> Iterator[Any]:
     node.destroy_node()
 
 
-class Heard:
+class ReceivedMessage:
     """Received messages, and the thread of each."""
 
     def __init__(self) -> None:
@@ -64,16 +64,16 @@ def spinning(listener: TopicListener) -> Iterator[threading.Thread]:
         assert not thread.is_alive()
 
 
-def publish_until(publisher: Any, number: float, heard: Heard) -> None:
-    def is_heard() -> bool:
+def publish_until(publisher: Any, number: float, heard: ReceivedMessage) -> None:
+    def is_received() -> bool:
         publisher.publish(Vector3(x=number))
         return number in heard.numbers
 
-    waited(is_heard)
+    waited(is_received)
 
 
 def test_it_hears_on_its_own_thread_without_an_executor(node: Any) -> None:
-    heard, later = Heard(), Heard()
+    heard, later = ReceivedMessage(), ReceivedMessage()
     listener = TopicListener(node)
     assert listener.waits_itself
     listener.subscribe(Vector3, "/first", heard, BEST_EFFORT)
@@ -85,7 +85,7 @@ def test_it_hears_on_its_own_thread_without_an_executor(node: Any) -> None:
 
 
 def test_the_executor_leaves_the_topics_to_it(node: Any) -> None:
-    heard, others = Heard(), Heard()
+    heard, others = ReceivedMessage(), ReceivedMessage()
     listener = TopicListener(node)
     listener.subscribe(Vector3, "/topic", heard, BEST_EFFORT)
     node.create_subscription(Vector3, "/topic", others, BEST_EFFORT)
@@ -93,12 +93,12 @@ def test_the_executor_leaves_the_topics_to_it(node: Any) -> None:
     executor = SingleThreadedExecutor()
     executor.add_node(node)
 
-    def is_heard_by_others() -> bool:
+    def is_received_by_others() -> bool:
         publisher.publish(Vector3(x=1.0))
         executor.spin_once(0.1)
         return bool(others.numbers)
 
-    waited(is_heard_by_others)
+    waited(is_received_by_others)
     assert not heard.numbers
     with spinning(listener):
         publish_until(publisher, 2.0, heard)
@@ -106,7 +106,7 @@ def test_the_executor_leaves_the_topics_to_it(node: Any) -> None:
 
 
 def test_what_is_known_of_a_message_comes_with_it(node: Any) -> None:
-    heard = Heard()
+    heard = ReceivedMessage()
     stamps_ns: list[int] = []
 
     def on_message(message: Vector3, info: Any) -> None:
@@ -120,8 +120,8 @@ def test_what_is_known_of_a_message_comes_with_it(node: Any) -> None:
     assert stamps_ns[0] > 0
 
 
-def test_what_is_unsubscribed_is_heard_no_more(node: Any) -> None:
-    heard, others = Heard(), Heard()
+def test_what_is_unsubscribed_is_received_no_more(node: Any) -> None:
+    heard, others = ReceivedMessage(), ReceivedMessage()
     listener = TopicListener(node)
     ended = listener.subscribe(Vector3, "/topic", heard, BEST_EFFORT)
     listener.subscribe(Vector3, "/topic", others, BEST_EFFORT)
@@ -134,11 +134,11 @@ def test_what_is_unsubscribed_is_heard_no_more(node: Any) -> None:
     assert 3.0 not in heard.numbers
 
 
-def test_a_publisher_that_does_not_fit_is_told(node: Any) -> None:
+def test_a_publisher_that_does_not_fit_is_reported(node: Any) -> None:
     told: list[Any] = []
     listener = TopicListener(node)
     callbacks = SubscriptionEventCallbacks(incompatible_qos=told.append)
-    listener.subscribe(Vector3, "/topic", Heard(), RELIABLE, event_callbacks=callbacks)
+    listener.subscribe(Vector3, "/topic", ReceivedMessage(), RELIABLE, event_callbacks=callbacks)
     with spinning(listener):
         node.create_publisher(Vector3, "/topic", BEST_EFFORT)
         waited(lambda: told)
@@ -162,7 +162,7 @@ def test_what_a_callback_raises_ends_it(node: Any) -> None:
 
 @pytest.mark.parametrize("missing", ["WaitSet", "Subscription.take_message"])
 def test_the_executor_hears_where_this_rclpy_cannot(node: Any, monkeypatch: pytest.MonkeyPatch, missing: str) -> None:
-    heard = Heard()
+    heard = ReceivedMessage()
     with monkeypatch.context() as without:
         without.delattr(f"{rclpy_implementation.__name__}.{missing}")
         listener = TopicListener(node)
@@ -173,17 +173,17 @@ def test_the_executor_hears_where_this_rclpy_cannot(node: Any, monkeypatch: pyte
     executor.add_node(node)
     with spinning(listener):
 
-        def is_heard() -> bool:
+        def is_received() -> bool:
             publisher.publish(Vector3(x=1.0))
             executor.spin_once(0.1)
             return bool(heard.numbers)
 
-        waited(is_heard)
+        waited(is_received)
     executor.shutdown()
     assert heard.threads == {threading.current_thread().name}
 
 
-def test_simulated_time_is_heard_without_the_executor_until_it_is_switched_off() -> None:
+def test_simulated_time_is_received_without_the_executor_until_it_is_switched_off() -> None:
     loop = asyncio.new_event_loop()
     simulated = [Parameter("use_sim_time", value=True), Parameter("autostart", value=False)]
     node = UalNode(loop, parameter_overrides=simulated)

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 import pytest
 from conftest import ARMED_FAST, Processes, own_client, own_processes
 from diagnostic_msgs.msg import DiagnosticArray, KeyValue
-from flying import ABORTED, LATCHED, Client, place, pose, velocity, waited
+from flying import ABORTED, LATCHED, Client, current_position, pose, velocity, waited
 from geometry_msgs.msg import PoseStamped, TwistStamped
 from lifecycle_msgs.msg import Transition
 from lifecycle_msgs.srv import ChangeState
@@ -35,7 +35,7 @@ def uav(processes: Processes) -> Iterator[ual.Uav]:
         yield uav
 
 
-def is_told(client: Client, state: int, text: str = "", ns: str = "uav_1") -> None:
+def is_reported(client: Client, state: int, text: str = "", ns: str = "uav_1") -> None:
     """Waits until the node tells a state, for a reason with a text in it."""
     states = client.hear(State, f"/{ns}/ual/state", LATCHED)
     waited(lambda: states and states[-1].state == state and text in states[-1].reason)
@@ -59,7 +59,7 @@ def test_a_node_that_is_killed_while_a_velocity_streams(client: Client, processe
     assert travelled_m < 1.0 * 0.5 + 1.0**2 / (2.0 * BRAKES_AT_M_S2) + late_m
     assert flying.state() is ual.State.FLYING_AUTO
     processes.node("ns:=uav_1")
-    is_told(client, State.FLYING_AUTO)
+    is_reported(client, State.FLYING_AUTO)
     assert client.call(srv.Land, f"{UAL}/land", blocking=True).success
 
 
@@ -86,19 +86,19 @@ def test_a_node_that_ends_says_so_to_who_waits(client: Client, processes: Proces
     waited(lambda: flying.telemetry().task is None)
 
 
-def test_a_daemon_that_dies_is_told_and_found_again(client: Client, processes: Processes) -> None:
+def test_a_daemon_that_dies_is_reported_and_found_again(client: Client, processes: Processes) -> None:
     daemon = processes.daemon(*ARMED_FAST)
     processes.node("ns:=uav_1")
-    is_told(client, State.LANDED_ARMED)
+    is_reported(client, State.LANDED_ARMED)
     healths = client.hear(DiagnosticArray, f"{UAL}/health", 10)
     daemon.kill()
     daemon.wait()
-    is_told(client, State.UNINITIALIZED, "DAEMON_UNREACHABLE: ")
+    is_reported(client, State.UNINITIALIZED, "DAEMON_UNREACHABLE: ")
     waited(lambda: healths and healths[-1].status[0].level == b"\x02")
     refused = client.call(srv.TakeOff, f"{UAL}/take_off", height=3.0, blocking=True)
     assert refused.reason == "DAEMON_UNREACHABLE"
     processes.daemon(*ARMED_FAST)
-    is_told(client, State.LANDED_ARMED)
+    is_reported(client, State.LANDED_ARMED)
     take_off(client)
 
 
@@ -106,16 +106,16 @@ def test_a_daemon_that_was_started_anew_gets_the_frames_of_tf_again(client: Clie
     daemon = processes.daemon(*ARMED_FAST)
     processes.node("ns:=uav_1")
     publisher = client.node.create_publisher(TFMessage, "/tf_static", LATCHED)
-    publisher.publish(place(5.0, "map", "tower"))
+    publisher.publish(current_position(5.0, "map", "tower"))
     for _ in range(2):
-        is_told(client, State.LANDED_ARMED)
+        is_reported(client, State.LANDED_ARMED)
         take_off(client)
         waypoint = pose(-1.0, 0.0, 3.0, "tower")
         gone = client.call(srv.GoToWaypoint, f"{UAL}/go_to_waypoint", waypoint=waypoint, blocking=True)
         assert gone.success, gone.message
         daemon.kill()
         daemon.wait()
-        is_told(client, State.UNINITIALIZED, "DAEMON_UNREACHABLE: ")
+        is_reported(client, State.UNINITIALIZED, "DAEMON_UNREACHABLE: ")
         daemon = processes.daemon(*ARMED_FAST)
 
 
@@ -123,23 +123,23 @@ def test_a_daemon_that_hangs_delays_no_other_uav(client: Client, processes: Proc
     hanging = processes.daemon(*ARMED_FAST, ns="uav_1")
     processes.daemon(*ARMED_FAST, ns="uav_2")
     processes.node("ns:=[uav_1, uav_2]")
-    is_told(client, State.LANDED_ARMED)
+    is_reported(client, State.LANDED_ARMED)
     hanging.send_signal(signal.SIGSTOP)
-    is_told(client, State.UNINITIALIZED, "tells nothing")
+    is_reported(client, State.UNINITIALIZED, "tells nothing")
     waits = client.call_soon(srv.TakeOff, f"{UAL}/take_off", height=3.0, blocking=True)
-    is_told(client, State.LANDED_ARMED, ns="uav_2")
+    is_reported(client, State.LANDED_ARMED, ns="uav_2")
     take_off(client, "uav_2")
     assert not waits.done()
     hanging.send_signal(signal.SIGCONT)
     waited(waits.done)
     ended = waits.result()
     assert ended.success or ended.reason == "TIMEOUT"  # what a daemon may have kept for over 2.5 s moves nothing
-    is_told(client, State.FLYING_AUTO if ended.success else State.LANDED_ARMED)
+    is_reported(client, State.FLYING_AUTO if ended.success else State.LANDED_ARMED)
 
 
-def test_two_nodes_of_one_uav_are_told(client: Client, processes: Processes, armed: ual.Uav) -> None:
+def test_two_nodes_of_one_uav_are_reported(client: Client, processes: Processes, armed: ual.Uav) -> None:
     processes.node("ns:=uav_1")
-    is_told(client, State.LANDED_ARMED)
+    is_reported(client, State.LANDED_ARMED)
     healths = client.hear(DiagnosticArray, f"{UAL}/health", 10)
     states = client.hear(State, f"{UAL}/state", LATCHED)
     other = processes.node("ns:=uav_1")
@@ -180,13 +180,13 @@ def test_only_an_active_node_flies_and_tells(client: Client, processes: Processe
     change(client, Transition.TRANSITION_DEACTIVATE)
     assert client.end_of(goal)[1].message == "cancelled: the node is not active"
     waited(lambda: flying.telemetry().task is None)
-    is_told(client, State.UNINITIALIZED, "the node is not active")
+    is_reported(client, State.UNINITIALIZED, "the node is not active")
     assert "the node is not active" in client.call(Trigger, f"{UAL}/arm").message
     change(client, Transition.TRANSITION_CLEANUP)
     waited(lambda: not client.node.get_publishers_info_by_topic(f"{UAL}/pose"))
     change(client, Transition.TRANSITION_CONFIGURE)
     change(client, Transition.TRANSITION_ACTIVATE)
-    is_told(client, State.FLYING_AUTO)
+    is_reported(client, State.FLYING_AUTO)
     assert client.call(srv.Land, f"{UAL}/land", blocking=True).success
 
 
@@ -198,7 +198,7 @@ def change(client: Client, transition: int) -> None:
 
 def test_parameters_that_are_wrong_leave_the_node_unconfigured(client: Client, processes: Processes) -> None:
     processes.node("ns:=[uav_1, uav_1]")
-    waited(lambda: "ns: uav_1, uav_1 names a UAV twice" in processes.said())
+    waited(lambda: "ns: uav_1, uav_1 names a UAV twice" in processes.status_text())
     wanted = Transition(id=Transition.TRANSITION_CONFIGURE)
     assert not client.call_again(ChangeState, "/ual/change_state", transition=wanted).success
 

@@ -31,7 +31,7 @@ AT_ONCE = 8
 """A service of ROS keeps ten requests that wait."""
 
 
-def test_a_thousand_malformed_goals_are_refused_and_none_is_flown(client: Client, flying: ual.Uav) -> None:
+def test_a_thousand_malformed_goals_are_refused_and_none_is_executed(client: Client, flying: ual.Uav) -> None:
     chosen = random.Random(36)
     begin = flying.pose().pose.position
     reasons: set[str] = set()

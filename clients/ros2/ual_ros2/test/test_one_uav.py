@@ -12,7 +12,7 @@ import pytest
 import rclpy
 from conftest import ARMED_FAST, Processes, own_processes
 from diagnostic_msgs.msg import DiagnosticArray
-from flying import ABORTED, CANCELED, LATCHED, SUCCEEDED, Client, place, pose, velocity, waited
+from flying import ABORTED, CANCELED, LATCHED, SUCCEEDED, Client, current_position, pose, velocity, waited
 from geometry_msgs.msg import PoseStamped, PoseWithCovarianceStamped, Twist, TwistStamped
 from nav_msgs.msg import Odometry, Path
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -219,7 +219,7 @@ def test_velocities_fly_and_their_end_stops_the_uav(client: Client, flying: ual.
     assert (flying.pose().pose.position - held).norm() < 0.1
 
 
-def test_a_reference_pose_is_followed_and_told(client: Client, flying: ual.Uav) -> None:
+def test_a_reference_pose_is_followed_and_reported(client: Client, flying: ual.Uav) -> None:
     references = client.hear(PoseStamped, f"{UAL}/ref_pose")
     goals = client.repeat(0.1, PoseStamped, f"{UAL}/set_pose", lambda: pose(1.0, 1.0, 4.0, "uav_1/odom"))
     waited(lambda: is_near(flying, 1.0, 1.0, 4.0))
@@ -227,7 +227,7 @@ def test_a_reference_pose_is_followed_and_told(client: Client, flying: ual.Uav) 
     waited(lambda: references and references[-1].pose.position.x == pytest.approx(1.0))
 
 
-def test_a_refused_setpoint_is_told_in_the_diagnostics(client: Client, flying: ual.Uav) -> None:
+def test_a_refused_setpoint_is_reported_in_the_diagnostics(client: Client, flying: ual.Uav) -> None:
     told = client.hear(DiagnosticArray, f"{UAL}/health", 10)
     wrong = client.repeat(0.1, TwistStamped, f"{UAL}/set_velocity", lambda: velocity(math.nan))
     bad = waited(lambda: [each for each in told if "refused" in each.status[0].message])[0].status[0]
@@ -322,7 +322,7 @@ def test_the_qos_of_a_topic(client: Client, name: str) -> None:
 
 @pytest.mark.parametrize("name", ["set_pose", "set_velocity", "cmd_vel", "external_pose", "external_pose_cov"])
 @pytest.mark.usefixtures("uav")
-def test_what_comes_in_is_heard_from_any_publisher(client: Client, name: str) -> None:
+def test_what_comes_in_is_received_from_any_publisher(client: Client, name: str) -> None:
     of_topic = client.node.get_subscriptions_info_by_topic
     [found] = waited(lambda: [each for each in of_topic(f"{UAL}/{name}") if each.node_name == "ual"])
     assert found.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
@@ -335,7 +335,7 @@ def test_what_comes_in_is_heard_from_any_publisher(client: Client, name: str) ->
 def test_a_goal_in_a_frame_that_only_tf_knows(client: Client, flying: ual.Uav) -> None:
     static = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     publisher = client.node.create_publisher(TFMessage, "/tf_static", static)
-    publisher.publish(place(5.0, "map", "tower"))
+    publisher.publish(current_position(5.0, "map", "tower"))
     client.call(srv.GoToWaypoint, f"{UAL}/go_to_waypoint", waypoint=pose(0.0, 0.0, 3.0, "nowhere"))  # tf is heard now
     waited(publisher.get_subscription_count)
     gone = client.call(srv.GoToWaypoint, f"{UAL}/go_to_waypoint", waypoint=pose(-1.0, 0.0, 3.0, "tower"), blocking=True)
@@ -346,7 +346,7 @@ def test_a_goal_in_a_frame_that_only_tf_knows(client: Client, flying: ual.Uav) -
 
 def test_a_goal_in_a_frame_of_tf_that_moves_is_followed(client: Client, flying: ual.Uav) -> None:
     xs = (min(2.0, 0.005 * i) for i in itertools.count())
-    places = client.repeat(0.02, TFMessage, "/tf", lambda: place(next(xs), "map", "deck"))
+    places = client.repeat(0.02, TFMessage, "/tf", lambda: current_position(next(xs), "map", "deck"))
     goals = client.repeat(0.1, PoseStamped, f"{UAL}/set_pose", lambda: pose(0.0, 2.0, 4.0, "deck"))
     waited(lambda: flying.transform("map", "uav_1/base_link").translation.z > 3.2)
     assert client.node.destroy_timer(goals), "a goal that was given once is followed, too"
@@ -356,14 +356,14 @@ def test_a_goal_in_a_frame_of_tf_that_moves_is_followed(client: Client, flying: 
 
 
 def test_a_goal_in_a_frame_that_tf_refreshes_no_more_is_refused(client: Client, flying: ual.Uav) -> None:
-    def asked() -> tuple[bool, str]:
+    def requests_made() -> tuple[bool, str]:
         answer = client.call(srv.SetPose, f"{UAL}/set_pose", pose=pose(0.0, 0.0, 3.0, "buoy"), dry_run=True)
         return answer.success, answer.reason
 
-    places = client.repeat(0.02, TFMessage, "/tf", lambda: place(1.0, "map", "buoy"))
-    waited(lambda: asked() == (True, ""))
+    places = client.repeat(0.02, TFMessage, "/tf", lambda: current_position(1.0, "map", "buoy"))
+    waited(lambda: requests_made() == (True, ""))
     client.node.destroy_timer(places)
-    waited(lambda: asked() == (False, "FRAME_LOST"))
+    waited(lambda: requests_made() == (False, "FRAME_LOST"))
     begin = flying.pose().pose.position
     gone = client.call(srv.GoToWaypoint, f"{UAL}/go_to_waypoint", waypoint=pose(5.0, 0.0, 3.0, "buoy"))
     assert (gone.success, gone.reason) == (False, "FRAME_LOST")
@@ -373,15 +373,15 @@ def test_a_goal_in_a_frame_that_tf_refreshes_no_more_is_refused(client: Client, 
     waited(lambda: [each for each in told if "FRAME_LOST" in each.status[0].message])
     client.node.destroy_timer(goals)
     assert (flying.pose().pose.position - begin).norm() < 0.1
-    places = client.repeat(0.02, TFMessage, "/tf", lambda: place(1.0, "map", "buoy"))
-    waited(lambda: asked() == (True, ""))
+    places = client.repeat(0.02, TFMessage, "/tf", lambda: current_position(1.0, "map", "buoy"))
+    waited(lambda: requests_made() == (True, ""))
     client.node.destroy_timer(places)
 
 
 # --- What readers of other packages need ------------------------------------------------------------------------------
 
 
-def test_the_attitude_is_told_as_of_an_imu_and_what_is_not_known_as_that(client: Client, flying: ual.Uav) -> None:
+def test_the_attitude_is_reported_as_of_an_imu_and_what_is_not_known_as_that(client: Client, flying: ual.Uav) -> None:
     """robot_localization takes zeros of an Odometry for certainty, and -1 of an Imu for "not there"."""
     imus, odometries = client.hear(Imu, f"{UAL}/imu"), client.hear(Odometry, f"{UAL}/odom")
     told, odometry = waited(lambda: imus and imus[-1]), waited(lambda: odometries and odometries[-1])
@@ -395,7 +395,7 @@ def test_the_attitude_is_told_as_of_an_imu_and_what_is_not_known_as_that(client:
         assert [covariance[7 * axis] for axis in range(6)] == [-1.0] * 6
 
 
-def test_two_publishers_of_velocities_are_told_by_name(client: Client, flying: ual.Uav) -> None:
+def test_two_publishers_of_velocities_are_reported_by_name(client: Client, flying: ual.Uav) -> None:
     del flying
     told = client.hear(DiagnosticArray, f"{UAL}/health", 10)
     other = rclpy.create_node("joystick", context=client.node.context)

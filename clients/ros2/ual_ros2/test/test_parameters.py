@@ -65,11 +65,11 @@ def test_a_parameter_is_set_before_the_node_is_configured_and_only_a_right_one(
     assert change(client, Transition.TRANSITION_CONFIGURE)
 
 
-def test_what_rclpy_refuses_is_said_and_leaves_the_node_unconfigured(client: Client, processes: Processes) -> None:
+def test_what_rclpy_refuses_is_reported_and_leaves_the_node_unconfigured(client: Client, processes: Processes) -> None:
     of_topic = "qos_overrides./uav_1/ual/corrections.subscription"  # one of the last that are made
     processes.node("ns:=uav_1", "rate:=3.0", f"{of_topic}.reliability:=best")
-    waited(lambda: "on_configure failed: RuntimeError: Unexpected QoS override" in processes.said())
-    assert "there is no parameter rate: do you mean rate_hz?" in processes.said()
+    waited(lambda: "on_configure failed: RuntimeError: Unexpected QoS override" in processes.status_text())
+    assert "there is no parameter rate: do you mean rate_hz?" in processes.status_text()
     is_in(client, "unconfigured")
     waited(lambda: not names_below(client, "/uav_1/ual/"))
 
@@ -105,11 +105,11 @@ def test_a_node_whose_daemon_does_not_answer_its_goodbye_is_cleaned_up(monkeypat
     thread.join()
 
 
-def test_a_file_that_is_not_there_is_told_by_the_node(client: Client, processes: Processes) -> None:
+def test_a_file_that_is_not_there_is_reported_by_the_node(client: Client, processes: Processes) -> None:
     node = processes.node("ns:=uav_1", "autostart:=false", "tls_ca:=/nowhere")
     is_in(client, "unconfigured")
     assert not change(client, Transition.TRANSITION_CONFIGURE)
-    assert "not configured: INVALID_ARGUMENT: tls_ca: cannot read /nowhere" in processes.said()
+    assert "not configured: INVALID_ARGUMENT: tls_ca: cannot read /nowhere" in processes.status_text()
     assert node.poll() is None
 
 
@@ -126,7 +126,7 @@ def test_a_node_that_was_shut_down_ends_at_ctrl_c(client: Client, processes: Pro
     ("wrong", "said"),
     [(["nonsense"], "nonsense"), (["--params-file", "/nowhere.yaml"], "/nowhere.yaml")],
 )
-def test_arguments_that_are_wrong_end_it_with_one_line(wrong: list[str], said: str) -> None:
+def test_arguments_that_are_wrong_end_it_with_one_message(wrong: list[str], said: str) -> None:
     command = [sys.executable, "-m", "ual_ros2", "--ros-args", *wrong]
     done = subprocess.run(command, check=False, capture_output=True, text=True, timeout=60.0)
     assert done.returncode == 1

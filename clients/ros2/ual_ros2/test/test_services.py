@@ -37,7 +37,7 @@ def uav(processes: Processes, tmp_path_factory: pytest.TempPathFactory) -> Itera
         yield uav
 
 
-def test_gimbals_are_told_while_they_are_heard(client: Client, uav: ual.Uav) -> None:
+def test_gimbals_are_reported_while_they_are_received(client: Client, uav: ual.Uav) -> None:
     told = client.hear(msg.GimbalStatus, f"{UAL}/gimbals", 10)
     assert client.call(srv.SetGimbalAngles, f"{UAL}/set_gimbal_angles", pitch=0.5, yaw=-0.25).success
     waited(lambda: told and abs(told[-1].pitch - 0.5) < 0.01 and abs(told[-1].yaw + 0.25) < 0.01)
@@ -56,7 +56,7 @@ def test_gimbals_are_told_while_they_are_heard(client: Client, uav: ual.Uav) -> 
     assert (refused.reason, refused.message) == ("INVALID_ARGUMENT", in_ros)
 
 
-def test_each_picture_that_is_taken_is_told_once(client: Client, uav: ual.Uav) -> None:
+def test_each_picture_that_is_taken_is_reported_once(client: Client, uav: ual.Uav) -> None:
     before = uav.cameras[0].take_photo()
     told = client.hear(msg.Photo, f"{UAL}/photos", 10)
 
@@ -73,7 +73,7 @@ def test_each_picture_that_is_taken_is_told_once(client: Client, uav: ual.Uav) -
     assert told[-1].viewpoint.body.header.frame_id == "uav_1/odom"
 
 
-def test_what_it_carries_is_told(client: Client, uav: ual.Uav) -> None:
+def test_what_it_carries_is_reported(client: Client, uav: ual.Uav) -> None:
     told = client.hear(msg.Equipment, f"{UAL}/equipment", 10)
     uav.gripper.grip("claw")
     waited(lambda: told and told[-1].devices[0].ordered == "grip")
@@ -91,13 +91,13 @@ def test_corrections_are_counted_and_another_program_that_sends_is_named(client:
 
 
 @pytest.mark.usefixtures("uav")
-def test_no_log_is_written_where_the_node_was_given_no_directory(client: Client) -> None:
+def test_no_log_is_written_where_the_node_was_passed_no_directory(client: Client) -> None:
     result = client.fly(action.DownloadLog, f"{UAL}/download_log", log_id="1")[1]
     assert (result.success, result.reason) == (False, "PERMISSION_DENIED")
     assert "log_directory" in result.message
 
 
-def test_the_simulation_is_offered_for_a_uav_that_is_simulated(client: Client, armed: ual.Uav) -> None:
+def test_the_simulation_is_available_for_a_uav_that_is_simulated(client: Client, armed: ual.Uav) -> None:
     def call(kind: type, name: str, /, **fields: object) -> object:
         answer = client.call(kind, f"{UAL}/{name}", **fields)
         if not answer.success:

@@ -78,7 +78,7 @@ def test_conformance(flight: Flight, check: Check) -> None:
 
 
 @pytest.mark.usefixtures("flight")
-def test_no_simulation_is_offered(client: Client) -> None:
+def test_no_simulation_is_available(client: Client) -> None:
     offered = [name for name, _ in client.node.get_service_names_and_types()]
     assert f"{UAL}/list_logs" in offered
     assert not [name for name in offered if "simulation" in name]
@@ -122,7 +122,7 @@ def test_a_log_is_written_where_the_node_may_write_and_nowhere_else(client: Clie
         assert (refused.success, refused.reason) == (False, "INVALID_ARGUMENT")
 
 
-def test_a_mission_of_a_file_is_planned_uploaded_and_told(client: Client, world: ual.Uav) -> None:
+def test_a_mission_of_a_file_is_planned_uploaded_and_reported(client: Client, world: ual.Uav) -> None:
     text = (ROOT / "tests" / "data" / "routes" / "wpl.waypoints").read_text()
     refused = client.call(srv.UploadMission, f"{UAL}/upload_mission", file="no mission")
     assert (refused.success, refused.reason, refused.metadata[0].value) == (False, "INVALID_ARGUMENT", "file")

@@ -64,7 +64,7 @@ def offer_of(uav: UAL) -> AirsimCameras:
 
 def hang(vehicle: Vehicle, north_m: float, east_m: float, up_m: float, yaw_rad: float) -> None:
     """Puts the vehicle into the air, where it stays: its controller holds it."""
-    vehicle.place((north_m, east_m, -up_m), yaw_rad)
+    vehicle.current_position((north_m, east_m, -up_m), yaw_rad)
 
 
 def test_all_cameras_are_listed_by_their_names(uav: UAL) -> None:
@@ -144,7 +144,7 @@ def test_pictures_by_distance_are_taken_where_they_are_due(uav: UAL) -> None:
 # --- What goes wrong --------------------------------------------------------------------------------------------------
 
 
-def test_a_simulator_that_renders_nothing_is_asked_once_and_goes_on_flying(uav: UAL, server: AirsimServer) -> None:
+def test_a_simulator_that_renders_nothing_is_queried_once_and_goes_on_flying(uav: UAL, server: AirsimServer) -> None:
     """Each request would hold one of its threads for ever, and without one it takes no setpoint."""
     server.cameras.renders = False
     offer_of(uav)._fetcher.patience_s = 0.05
@@ -174,7 +174,7 @@ def answers(uav: UAL) -> bool:
     ("name", "text"),
     [("refusal", "not offered without Unreal"), ("message", "Can't take screenshot because texture target is null")],
 )
-def test_why_there_is_no_picture_is_told_in_the_simulators_words(
+def test_why_there_is_no_picture_is_reported_in_the_simulators_words(
     uav: UAL, server: AirsimServer, name: str, text: str
 ) -> None:
     setattr(server.cameras, name, text)
@@ -199,7 +199,7 @@ def test_microsofts_simulator_takes_another_argument(uav: UAL, server: AirsimSer
     assert uav.cameras[BOTTOM].image(kind=ImageKind.SEGMENTATION).width_px == 256
 
 
-def test_a_connection_that_is_lost_is_told_and_made_anew(uav: UAL, server: AirsimServer) -> None:
+def test_a_connection_that_is_lost_is_reported_and_made_anew(uav: UAL, server: AirsimServer) -> None:
     uav.cameras[0].image()
     server.cameras.renders = False
     fetching = offer_of(uav)._fetcher.fetch("front_center", ImageKind.COLOUR)
@@ -413,7 +413,7 @@ def test_a_camera_keeps_its_number_and_one_that_is_gone_stays_listed(uav: UAL) -
         uav.cameras[0].take_photo()
 
 
-def test_an_orientation_that_is_none_has_no_place() -> None:
+def test_an_orientation_that_is_none_has_no_position() -> None:
     trail = Trail()
     trail.add(0.0, Pose())
     shots = Shots()

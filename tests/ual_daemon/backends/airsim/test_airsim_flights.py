@@ -79,15 +79,15 @@ def test_it_takes_off_to_any_height_and_is_disarmed_after_its_landing(
 
 
 @pytest.mark.parametrize("north_m", [math.nan, 3e38])
-def test_a_position_that_cannot_be_true_is_no_pose_and_is_told_once(
+def test_a_position_that_cannot_be_true_is_no_pose_and_is_reported_once(
     uav: UAL, vehicle: Vehicle, north_m: float, caplog: pytest.LogCaptureFixture
 ) -> None:
     place = vehicle.body.position
-    vehicle.place((north_m, 0.0, 0.0), 0.0)
+    vehicle.current_position((north_m, 0.0, 0.0), 0.0)
     until_state(uav, State.UNINITIALIZED)
     assert uav.telemetry().pose is None
     assert "no position" in uav.telemetry().state_reason
-    vehicle.place(place, 0.0)
+    vehicle.current_position(place, 0.0)
     until_state(uav, State.LANDED_ARMED)
     assert [record.getMessage()[:19] for record in caplog.records if "dropped" in record.getMessage()] == [
         "dropped: position o"
@@ -167,7 +167,7 @@ def test_a_pilot_who_takes_over_at_the_touch_down_keeps_the_control(
     assert calls(server, "enableApiControl") == calls(server, "armDisarm") == 0
 
 
-def test_what_was_said_of_the_vehicles_ends_with_the_simulator(vehicle: Vehicle) -> None:
+def test_what_was_reported_of_the_vehicles_ends_with_the_simulator(vehicle: Vehicle) -> None:
     with AirsimServer([vehicle, Vehicle("Drone2")]) as server, connected(server.url) as uav:
         until(lambda: "set airsim.vehicle_name" in uav.telemetry().state_reason, "the question for a name")
         server.close()
@@ -263,7 +263,7 @@ class CountingVehicle(Vehicle):
         return super().read_collision(epoch_s)
 
 
-def test_collisions_are_asked_for_rarely_as_each_answer_resets_them() -> None:
+def test_collisions_are_requested_rarely_as_each_answer_resets_them() -> None:
     vehicle = CountingVehicle("Drone1")
     with AirsimServer([vehicle]) as server, connected(server.url):
         until(lambda: vehicle.states_count > 40, "polls", seen=lambda: vehicle.states_count)
@@ -323,13 +323,13 @@ def test_a_vehicle_with_a_remote_control_leaves_the_pilot_to_that(uav: UAL, vehi
     assert uav.state() is State.FLYING_AUTO
 
 
-def test_api_control_that_is_not_allowed_is_said(vehicle: Vehicle, uav: UAL) -> None:
+def test_api_control_that_is_not_allowed_is_reported(vehicle: Vehicle, uav: UAL) -> None:
     vehicle.allows_api = False
     with pytest.raises(RejectedByAutopilotError, match="AllowAPIAlways"):
         uav.take_off(3.0)
 
 
-def test_wind_and_a_new_place(uav: UAL, vehicle: Vehicle) -> None:
+def test_wind_and_a_new_position(uav: UAL, vehicle: Vehicle) -> None:
     uav.simulation.set_wind(Vector3(1.0, 2.0, 0.0))
     assert vehicle.wind == (2.0, 1.0, 0.0)
     uav.take_off(3.0)

@@ -23,7 +23,7 @@ RATE_S = 0.02
 LIMITS = Limits()
 
 
-class Flown:
+class FlightTrace:
     """One Crazyflie and its backend. `faults` are those of the link, both ways."""
 
     def __init__(
@@ -126,9 +126,9 @@ class Flown:
         self.ready()
         self.arm()
         self.end(self.backend.take_off(height_m, LIMITS))
-        x, y, z = self.crazyflie.place
-        self.fly(lambda t: place(x, y, z + min(height_m, 0.5 * t), 0.5 if t < 2.0 * height_m else 0.0), 4.0)
-        assert self.crazyflie.place[2] > 0.8 * height_m
+        x, y, z = self.crazyflie.current_position
+        self.fly(lambda t: current_position(x, y, z + min(height_m, 0.5 * t), 0.5 if t < 2.0 * height_m else 0.0), 4.0)
+        assert self.crazyflie.current_position[2] > 0.8 * height_m
 
     def end(self, future: Future[None]) -> None:
         """Runs until a command has ended, and raises its error."""
@@ -145,5 +145,5 @@ class Flown:
         return landed.value
 
 
-def place(x: float, y: float, z: float, climb_m_s: float = 0.0, yaw_rad: float = 0.0) -> PositionSetpoint:
+def current_position(x: float, y: float, z: float, climb_m_s: float = 0.0, yaw_rad: float = 0.0) -> PositionSetpoint:
     return PositionSetpoint(Vector3(x, y, z), yaw_rad, Vector3(0.0, 0.0, climb_m_s))

@@ -10,7 +10,7 @@ from typing_extensions import override
 from tests.simulators.crazyflie import STEP_S, Crazyflie
 from tests.simulators.lockstep_crazyflie import LockstepCrazyflie
 from tests.simulators.ports import MemoryPort
-from tests.ual_daemon.backends.crazyflie.flights import Flown
+from tests.ual_daemon.backends.crazyflie.flights import FlightTrace
 from ual.geometry import IDENTITY, Pose, PoseStamped, Vector3
 from ual.types import ExternalPose, GoToWaypointRequest, LandRequest, State, TakeOffRequest
 from ual_daemon.backends.crazyflie.packets import SETPOINT
@@ -19,7 +19,7 @@ from ual_daemon.vehicle.vehicle import Vehicle
 _NO_SHIFT = Vector3()
 
 
-class SimulatedCrazyflie(Flown):
+class SimulatedCrazyflie(FlightTrace):
     """One that arms itself, on the ground, with its state. `settings` are those of the backend."""
 
     vehicle: Vehicle
@@ -85,7 +85,7 @@ class SimulatedCrazyflie(Flown):
         super()._turn()
         shift = self._source_is
         if shift is not None and round(self.now_s / STEP_S) % 2 == 0:
-            pose = Pose(Vector3(*self.crazyflie.place) + shift, IDENTITY)
+            pose = Pose(Vector3(*self.crazyflie.current_position) + shift, IDENTITY)
             is_taken = not self.vehicle.external_poses.offer(ExternalPose(PoseStamped(pose)))
             if is_taken and shift != _NO_SHIFT:
                 self.move_origin(shift)

@@ -17,7 +17,7 @@ Phase = tuple[float, float, float]
 DESCENT = (3.0, HOVER, -0.4)
 
 
-def judged(*phases: Phase, rate_s: float = RATE_S) -> list[bool]:
+def assessed(*phases: Phase, rate_s: float = RATE_S) -> list[bool]:
     """Returns whether it touches, at the end of each phase."""
     contact = GroundContact()
     ends = []
@@ -36,11 +36,11 @@ def _steps(duration_s: float, rate_s: float) -> Iterator[int]:
 
 @pytest.mark.parametrize("rate_s", [0.01, 0.02, 0.2])
 def test_it_touches_once_a_descent_has_ended_and_the_thrust_does_not_carry_it(rate_s: float) -> None:
-    assert judged((3.0, HOVER, 0.0), DESCENT, (0.6, LEAST, 0.0), rate_s=rate_s) == [False, False, True]
+    assert assessed((3.0, HOVER, 0.0), DESCENT, (0.6, LEAST, 0.0), rate_s=rate_s) == [False, False, True]
 
 
 def test_a_bounce_does_not_hide_that_it_touches() -> None:
-    assert judged((3.0, HOVER, 0.0), DESCENT, (0.1, LEAST, 0.2), (0.5, LEAST, 0.0))[-1]
+    assert assessed((3.0, HOVER, 0.0), DESCENT, (0.1, LEAST, 0.2), (0.5, LEAST, 0.0))[-1]
 
 
 @pytest.mark.parametrize(
@@ -53,13 +53,13 @@ def test_a_bounce_does_not_hide_that_it_touches() -> None:
     ],
 )
 def test_in_the_air_it_never_touches(after: Phase) -> None:
-    assert not any(judged((3.0, HOVER, 0.0), DESCENT, after))
+    assert not any(assessed((3.0, HOVER, 0.0), DESCENT, after))
 
 
 def test_it_does_not_touch_before_it_has_descended() -> None:
-    assert not any(judged((3.0, HOVER, 0.0), (1.0, LEAST, 0.0)))
-    assert not any(judged(DESCENT, (3.0, HOVER, 0.4), (1.0, LEAST, 0.0)))
+    assert not any(assessed((3.0, HOVER, 0.0), (1.0, LEAST, 0.0)))
+    assert not any(assessed(DESCENT, (3.0, HOVER, 0.4), (1.0, LEAST, 0.0)))
 
 
 def test_values_with_gaps_show_nothing() -> None:
-    assert not any(judged((3.0, HOVER, 0.0), DESCENT, (3.0, LEAST, 0.0), rate_s=0.3))
+    assert not any(assessed((3.0, HOVER, 0.0), DESCENT, (3.0, LEAST, 0.0), rate_s=0.3))

@@ -10,7 +10,7 @@ import pytest
 from tests.simulators.crazyflie import REST_Z_M, Crazyflie, Supervisor
 from tests.simulators.faults import BadLink, Faults
 from tests.simulators.ports import MemoryPort
-from tests.ual_daemon.backends.crazyflie.flights import LIMITS, Flown, place
+from tests.ual_daemon.backends.crazyflie.flights import LIMITS, FlightTrace, current_position
 from ual.errors import RejectedByAutopilotError
 from ual.geometry import Pose, Quaternion, Vector3
 from ual.types import State
@@ -28,13 +28,13 @@ def made(protocol: int = 7, *, arms_itself: bool = False) -> Crazyflie:
     return Crazyflie(MemoryPort(), protocol=protocol, arms_itself=arms_itself)
 
 
-def setpoints(flown: Flown, since_s: float) -> int:
+def setpoints(flown: FlightTrace, since_s: float) -> int:
     return sum(p.port == SETPOINT and p.channel == 0 and t >= since_s for t, p in flown.crazyflie.received)
 
 
 @PROTOCOLS
 def test_arms_and_disarms(tmp_path: Path, protocol: int) -> None:
-    flown = Flown(tmp_path, made(protocol))
+    flown = FlightTrace(tmp_path, made(protocol))
     flown.ready()
     flown.arm()
     assert flown.estimate().state is State.LANDED_ARMED
@@ -52,7 +52,7 @@ def test_arms_and_disarms(tmp_path: Path, protocol: int) -> None:
     ],
 )
 def test_refuses_to_arm_in_plain_words(tmp_path: Path, trouble: str, text: str) -> None:
-    flown = Flown(tmp_path)
+    flown = FlightTrace(tmp_path)
     flown.ready()
     if trouble == "locked":
         flown.crazyflie.supervisor = Supervisor.LOCKED
@@ -71,7 +71,7 @@ def test_refuses_to_arm_in_plain_words(tmp_path: Path, trouble: str, text: str) 
 
 def test_arms_again_soon_after_it_was_disarmed_on_landing(tmp_path: Path) -> None:
     """The firmware refuses for 3 s after a landing, until its supervisor has left the state landed."""
-    flown = Flown(tmp_path)
+    flown = FlightTrace(tmp_path)
     flown.take_off(0.5)
     flown.end(flown.backend.land(LIMITS))
     flown.until(lambda: flown.crazyflie.supervisor is Supervisor.LANDED)
@@ -81,7 +81,7 @@ def test_arms_again_soon_after_it_was_disarmed_on_landing(tmp_path: Path) -> Non
 
 def test_is_not_locked_by_being_disarmed_as_soon_as_it_has_landed(tmp_path: Path) -> None:
     """The firmware locks what is disarmed while its supervisor says "flying", which it does for 2 s after a landing."""
-    flown = Flown(tmp_path)
+    flown = FlightTrace(tmp_path)
     flown.take_off(0.5)
     flown.end(flown.backend.land(LIMITS))
     flown.until(lambda: flown.landed is LandedState.ON_GROUND)
@@ -93,18 +93,18 @@ def test_is_not_locked_by_being_disarmed_as_soon_as_it_has_landed(tmp_path: Path
 @pytest.mark.parametrize("hovers_by_itself", [True, False])
 def test_it_hovers_by_itself_when_no_setpoints_come(tmp_path: Path, hovers_by_itself: bool) -> None:
     """Nobody above sends while a value is missing, and a silence of 2 s would stop the motors."""
-    flown = Flown(tmp_path, hovers_by_itself=hovers_by_itself)
+    flown = FlightTrace(tmp_path, hovers_by_itself=hovers_by_itself)
     flown.take_off()
-    flown.fly(lambda t: place(0.5 * t, 0.0, 1.0), 2.0)
+    flown.fly(lambda t: current_position(0.5 * t, 0.0, 1.0), 2.0)
     flown.run(5.0)
     assert flown.crazyflie.supervisor is Supervisor.FLYING
-    assert flown.crazyflie.place[2] == pytest.approx(1.0, abs=0.1)
-    flown.fly(lambda _: place(0.0, 0.0, 1.0), 4.0)
-    assert flown.crazyflie.place == pytest.approx((0.0, 0.0, 1.0), abs=0.05)
+    assert flown.crazyflie.current_position[2] == pytest.approx(1.0, abs=0.1)
+    flown.fly(lambda _: current_position(0.0, 0.0, 1.0), 4.0)
+    assert flown.crazyflie.current_position == pytest.approx((0.0, 0.0, 1.0), abs=0.05)
 
 
 def test_a_refusal_of_the_firmware_ends_the_command(tmp_path: Path) -> None:
-    flown = Flown(tmp_path)
+    flown = FlightTrace(tmp_path)
     flown.ready()
     flown.crazyflie.supervisor = Supervisor.CRASHED  # a state that its bits do not show
     with pytest.raises(RejectedByAutopilotError, match="the firmware refused"):
@@ -112,7 +112,7 @@ def test_a_refusal_of_the_firmware_ends_the_command(tmp_path: Path) -> None:
 
 
 def test_a_withdrawn_command_is_not_sent_again(tmp_path: Path) -> None:
-    flown = Flown(tmp_path)
+    flown = FlightTrace(tmp_path)
     flown.ready()
     flown.crazyflie.ignored = {13}
     future = flown.backend.arm()
@@ -124,7 +124,7 @@ def test_a_withdrawn_command_is_not_sent_again(tmp_path: Path) -> None:
 
 
 def test_is_not_disarmed_in_the_air(tmp_path: Path) -> None:
-    flown = Flown(tmp_path)
+    flown = FlightTrace(tmp_path)
     flown.take_off()
     with pytest.raises(RejectedByAutopilotError, match="not on the ground"):
         flown.end(flown.backend.disarm())
@@ -132,59 +132,59 @@ def test_is_not_disarmed_in_the_air(tmp_path: Path) -> None:
 
 
 def test_a_firmware_that_arms_itself_says_so(tmp_path: Path) -> None:
-    flown = Flown(tmp_path, made(arms_itself=True))
+    flown = FlightTrace(tmp_path, made(arms_itself=True))
     flown.ready()
     assert flown.estimate().state is State.LANDED_ARMED
     with pytest.raises(RejectedByAutopilotError, match="arms itself"):
         flown.end(flown.backend.disarm())
 
 
-def test_a_place_where_it_stays_is_held_without_the_daemon(tmp_path: Path) -> None:
-    flown = Flown(tmp_path)
+def test_a_position_where_it_stays_is_held_without_the_daemon(tmp_path: Path) -> None:
+    flown = FlightTrace(tmp_path)
     flown.take_off()
-    flown.fly(lambda _: place(0.0, 0.0, 1.0), 1.5)
+    flown.fly(lambda _: current_position(0.0, 0.0, 1.0), 1.5)
     mode = flown.backend.snapshot().control.mode
     assert mode is not None
     assert (mode.value.name, mode.value.control) == ("hover (high-level commander)", Control.REFERENCES)
     since_s = flown.now_s
-    flown.fly(lambda _: place(0.0, 0.0, 1.0), 1.0)
+    flown.fly(lambda _: current_position(0.0, 0.0, 1.0), 1.0)
     assert setpoints(flown, since_s) == 0
     flown.crazyflie.is_silent = True  # the daemon is killed
     flown.run(20.0)
-    assert flown.crazyflie.place == pytest.approx((0.0, 0.0, 1.0), abs=0.05)
+    assert flown.crazyflie.current_position == pytest.approx((0.0, 0.0, 1.0), abs=0.05)
 
 
 def test_it_flies_on_from_a_hover_at_the_next_setpoint(tmp_path: Path) -> None:
-    flown = Flown(tmp_path)
+    flown = FlightTrace(tmp_path)
     flown.take_off()
-    flown.fly(lambda _: place(0.0, 0.0, 1.0), 1.5)
-    flown.fly(lambda _: place(0.6, 0.0, 1.0), 0.2)
+    flown.fly(lambda _: current_position(0.0, 0.0, 1.0), 1.5)
+    flown.fly(lambda _: current_position(0.6, 0.0, 1.0), 0.2)
     assert setpoints(flown, flown.now_s - 0.2) >= 9
-    flown.fly(lambda _: place(0.6, 0.0, 1.0), 4.0)
-    assert flown.crazyflie.place == pytest.approx((0.6, 0.0, 1.0), abs=0.05)
+    flown.fly(lambda _: current_position(0.6, 0.0, 1.0), 4.0)
+    assert flown.crazyflie.current_position == pytest.approx((0.6, 0.0, 1.0), abs=0.05)
 
 
 def test_without_hovering_by_itself_setpoints_go_on(tmp_path: Path) -> None:
-    flown = Flown(tmp_path, hovers_by_itself=False)
+    flown = FlightTrace(tmp_path, hovers_by_itself=False)
     flown.take_off()
     since_s = flown.now_s
-    flown.fly(lambda _: place(0.0, 0.0, 1.0), 2.0)
+    flown.fly(lambda _: current_position(0.0, 0.0, 1.0), 2.0)
     assert setpoints(flown, since_s) >= 95
 
 
 def test_setpoints_go_on_if_the_high_level_commander_does_not_answer(tmp_path: Path) -> None:
-    flown = Flown(tmp_path)
+    flown = FlightTrace(tmp_path)
     flown.take_off()
     flown.crazyflie.ignored = {HIGH_LEVEL}
-    flown.fly(lambda _: place(0.0, 0.0, 1.0), 5.0)
+    flown.fly(lambda _: current_position(0.0, 0.0, 1.0), 5.0)
     assert flown.crazyflie.supervisor is Supervisor.FLYING
-    assert flown.crazyflie.place[2] == pytest.approx(1.0, abs=0.05)
+    assert flown.crazyflie.current_position[2] == pytest.approx(1.0, abs=0.05)
 
 
 def test_a_daemon_killed_in_motion_is_followed_by_the_firmwares_time_outs(tmp_path: Path) -> None:
-    flown = Flown(tmp_path)
+    flown = FlightTrace(tmp_path)
     flown.take_off()
-    flown.fly(lambda t: place(0.5 * t, 0.0, 1.0, 0.0), 1.0)
+    flown.fly(lambda t: current_position(0.5 * t, 0.0, 1.0, 0.0), 1.0)
     flown.crazyflie.is_silent = True
     flown.run(1.0)
     assert flown.crazyflie.supervisor.value == "warningLevelOut"
@@ -196,52 +196,52 @@ def test_a_daemon_killed_in_motion_is_followed_by_the_firmwares_time_outs(tmp_pa
 
 
 def test_a_daemon_that_is_back_in_time_catches_it(tmp_path: Path) -> None:
-    flown = Flown(tmp_path)
+    flown = FlightTrace(tmp_path)
     flown.take_off()
-    flown.fly(lambda t: place(0.5 * t, 0.0, 1.0), 1.0)
+    flown.fly(lambda t: current_position(0.5 * t, 0.0, 1.0), 1.0)
     flown.restart_daemon()
     flown.until(lambda: flown.estimate().state is State.FLYING_AUTO, 1.5)
-    x, y, z = flown.crazyflie.place
-    flown.fly(lambda _: place(x, y, z), 3.0)
+    x, y, z = flown.crazyflie.current_position
+    flown.fly(lambda _: current_position(x, y, z), 3.0)
     assert flown.crazyflie.supervisor is Supervisor.FLYING
 
 
 @pytest.mark.parametrize("faults", [Faults(), Faults(loss=0.3)], ids=["good", "lossy"])
 def test_holds_by_itself_until_control_is_taken(tmp_path: Path, faults: Faults) -> None:
-    flown = Flown(tmp_path, faults=faults)
+    flown = FlightTrace(tmp_path, faults=faults)
     flown.take_off()
-    flown.fly(lambda t: place(0.5 * t, 0.0, 1.0), 1.0)
+    flown.fly(lambda t: current_position(0.5 * t, 0.0, 1.0), 1.0)
     flown.end(flown.backend.hold())
     flown.until(lambda: flown.estimate().state is State.FLYING_MANUAL, 1.0)
     since_s = flown.now_s
-    flown.fly(lambda _: place(5.0, 0.0, 1.0), 3.0)  # ignored
+    flown.fly(lambda _: current_position(5.0, 0.0, 1.0), 3.0)  # ignored
     assert setpoints(flown, since_s) == 0
-    x, _, z = flown.crazyflie.place
+    x, _, z = flown.crazyflie.current_position
     assert abs(x) < 1.5
     assert z == pytest.approx(1.0, abs=0.1)
     flown.end(flown.backend.take_control())
-    flown.fly(lambda _: place(0.0, 0.0, 1.0), 0.5)
+    flown.fly(lambda _: current_position(0.0, 0.0, 1.0), 0.5)
     assert flown.estimate().state is State.FLYING_AUTO
 
 
 @PROTOCOLS
 def test_lands_by_itself(tmp_path: Path, protocol: int) -> None:
-    flown = Flown(tmp_path, made(protocol))
+    flown = FlightTrace(tmp_path, made(protocol))
     flown.take_off()
     flown.end(flown.backend.land(LIMITS))
     flown.until(lambda: flown.estimate().state is State.LANDING, 0.2)
     flown.until(lambda: flown.landed is LandedState.ON_GROUND)
-    assert flown.crazyflie.place[2] == pytest.approx(0.014, abs=0.02)
+    assert flown.crazyflie.current_position[2] == pytest.approx(0.014, abs=0.02)
     flown.until(lambda: flown.estimate().state is State.LANDED_DISARMED)
 
 
 @pytest.mark.parametrize("table_m", [0.0, 0.7, -0.3])
-def test_beside_where_it_stood_it_lands_on_what_is_there(tmp_path: Path, table_m: float) -> None:
+def test_next_to_where_it_stood_it_lands_on_what_is_there(tmp_path: Path, table_m: float) -> None:
     """Off a table, beside it on the same floor, and onto a box."""
     begin_z = REST_Z_M + max(0.0, table_m)
-    flown = Flown(tmp_path, Crazyflie(MemoryPort(), start=(0.0, 0.0, begin_z)))
+    flown = FlightTrace(tmp_path, Crazyflie(MemoryPort(), start=(0.0, 0.0, begin_z)))
     flown.take_off()
-    flown.fly(lambda t: place(min(1.0, 0.5 * t), 0.0, begin_z + 1.0), 4.0)
+    flown.fly(lambda t: current_position(min(1.0, 0.5 * t), 0.0, begin_z + 1.0), 4.0)
     floor_z = begin_z - table_m
     flown.crazyflie.body.ground_z_m = -floor_z
     flown.end(flown.backend.land(LIMITS))
@@ -255,52 +255,52 @@ def test_beside_where_it_stood_it_lands_on_what_is_there(tmp_path: Path, table_m
     assert fastest_m_s < 0.6
     assert flown.now_s - touched_s < 1.0
     flown.until(lambda: flown.landed is LandedState.ON_GROUND)
-    assert flown.crazyflie.place[2] == pytest.approx(floor_z, abs=0.01)
+    assert flown.crazyflie.current_position[2] == pytest.approx(floor_z, abs=0.01)
 
 
 def test_a_landing_can_be_ended(tmp_path: Path) -> None:
-    flown = Flown(tmp_path)
+    flown = FlightTrace(tmp_path)
     flown.take_off()
     flown.end(flown.backend.land(LIMITS))
     flown.run(0.5)
     flown.end(flown.backend.take_control())
-    z = flown.crazyflie.place[2]
-    flown.fly(lambda _: place(0.0, 0.0, z), 2.0)
+    z = flown.crazyflie.current_position[2]
+    flown.fly(lambda _: current_position(0.0, 0.0, z), 2.0)
     assert flown.estimate().state is State.FLYING_AUTO
-    assert flown.crazyflie.place[2] == pytest.approx(z, abs=0.1)
+    assert flown.crazyflie.current_position[2] == pytest.approx(z, abs=0.1)
 
 
 def test_a_hover_whose_answer_was_lost_does_not_replace_the_landing_after_it(tmp_path: Path) -> None:
-    flown = Flown(tmp_path)
+    flown = FlightTrace(tmp_path)
     flown.take_off()
-    flown.fly(lambda _: place(0.3, 0.0, 1.0), 0.3)
+    flown.fly(lambda _: current_position(0.3, 0.0, 1.0), 0.3)
     lost = flown.lose_answers(1)
     while not lost:
-        flown.fly(lambda _: place(0.3, 0.0, 1.0), 0.02)
+        flown.fly(lambda _: current_position(0.3, 0.0, 1.0), 0.02)
     flown.end(flown.backend.land(LIMITS))
     flown.until(lambda: flown.landed is LandedState.ON_GROUND)
 
 
 def test_a_landing_whose_answer_was_lost_does_not_begin_again_once_control_is_taken(tmp_path: Path) -> None:
-    flown = Flown(tmp_path)
+    flown = FlightTrace(tmp_path)
     flown.take_off()
-    flown.fly(lambda _: place(0.3, 0.0, 1.0), 0.3)
+    flown.fly(lambda _: current_position(0.3, 0.0, 1.0), 0.3)
     lost = flown.lose_answers(1)
     flown.backend.land(LIMITS)
     flown.until(lambda: bool(lost))
     flown.end(flown.backend.take_control())
     since = len(flown.crazyflie.received)
-    flown.fly(lambda _: place(0.3, 0.0, 1.0), 3.0)
+    flown.fly(lambda _: current_position(0.3, 0.0, 1.0), 3.0)
     landings = [p for _, p in flown.crazyflie.received[since:] if p.port == HIGH_LEVEL and p.data[0] == packets.LAND]
     assert landings == []
-    assert flown.crazyflie.place == pytest.approx((0.3, 0.0, 1.0), abs=0.05)
+    assert flown.crazyflie.current_position == pytest.approx((0.3, 0.0, 1.0), abs=0.05)
 
 
 @pytest.mark.parametrize("command", ["land", "hold", "silence"])
 def test_the_motors_run_on_while_the_high_level_commander_does_not_answer(tmp_path: Path, command: str) -> None:
-    flown = Flown(tmp_path)
+    flown = FlightTrace(tmp_path)
     flown.take_off()
-    flown.fly(lambda t: place(0.3 * t, 0.0, 1.0), 0.6)
+    flown.fly(lambda t: current_position(0.3 * t, 0.0, 1.0), 0.6)
     flown.crazyflie.ignored = {HIGH_LEVEL}
     if command == "land":
         flown.backend.land(LIMITS)
@@ -311,13 +311,13 @@ def test_the_motors_run_on_while_the_high_level_commander_does_not_answer(tmp_pa
         flown._turn()
         states.add(flown.crazyflie.supervisor)
     assert states == {Supervisor.FLYING}
-    assert flown.crazyflie.place == pytest.approx((0.3, 0.0, 1.0), abs=0.2)
+    assert flown.crazyflie.current_position == pytest.approx((0.3, 0.0, 1.0), abs=0.2)
     flown.crazyflie.ignored = set()
     flown.run(8.0)
     if command == "land":
         assert flown.landed is LandedState.ON_GROUND
     else:
-        assert flown.crazyflie.place == pytest.approx((0.3, 0.0, 1.0), abs=0.2)
+        assert flown.crazyflie.current_position == pytest.approx((0.3, 0.0, 1.0), abs=0.2)
         assert flown.crazyflie.plan is not None
     assert flown.crazyflie.supervisor in (Supervisor.FLYING, Supervisor.LANDED, Supervisor.CHECKS, Supervisor.PASSED)
 
@@ -325,18 +325,18 @@ def test_the_motors_run_on_while_the_high_level_commander_does_not_answer(tmp_pa
 @pytest.mark.parametrize("command", ["land", "hold"])
 @pytest.mark.parametrize("seed", range(5))
 def test_the_motors_run_on_over_a_link_that_loses_half(tmp_path: Path, command: str, seed: int) -> None:
-    flown = Flown(tmp_path)
+    flown = FlightTrace(tmp_path)
     flown.take_off()
-    flown.fly(lambda t: place(0.3 * t, 0.0, 1.0), 0.6)
+    flown.fly(lambda t: current_position(0.3 * t, 0.0, 1.0), 0.6)
     flown.crazyflie.port = BadLink(flown.memory, seed, Faults(loss=0.5), Faults(loss=0.5))
     future = flown.backend.land(LIMITS) if command == "land" else flown.backend.hold()
     while not future.done():
         flown._turn()
         assert flown.crazyflie.supervisor in (Supervisor.FLYING, Supervisor.LEVEL_OUT)
-        assert flown.crazyflie.place[2] > 0.9
+        assert flown.crazyflie.current_position[2] > 0.9
     flown.run(8.0)
     if command == "land":
-        assert flown.crazyflie.place[2] == pytest.approx(0.014, abs=0.02)
+        assert flown.crazyflie.current_position[2] == pytest.approx(0.014, abs=0.02)
         assert flown.crazyflie.supervisor is not Supervisor.LOCKED
     else:
         assert flown.crazyflie.supervisor is Supervisor.FLYING
@@ -344,9 +344,9 @@ def test_the_motors_run_on_over_a_link_that_loses_half(tmp_path: Path, command: 
 
 def test_a_late_answer_to_an_earlier_landing_does_not_stop_the_motors(tmp_path: Path) -> None:
     """A setpoint has ended that landing; told that setpoints stop, the firmware would have nothing to fly."""
-    flown = Flown(tmp_path)
+    flown = FlightTrace(tmp_path)
     flown.take_off()
-    flown.fly(lambda _: place(0.3, 0.0, 1.0), 0.3)
+    flown.fly(lambda _: current_position(0.3, 0.0, 1.0), 0.3)
     late: list[bytes] = []
     send = flown.crazyflie._send
 
@@ -364,28 +364,28 @@ def test_a_late_answer_to_an_earlier_landing_does_not_stop_the_motors(tmp_path: 
         send(HIGH_LEVEL, 0, data)
     flown.run(3.0)
     assert flown.crazyflie.supervisor is Supervisor.FLYING
-    assert flown.crazyflie.place[2] == pytest.approx(1.0, abs=0.1)
+    assert flown.crazyflie.current_position[2] == pytest.approx(1.0, abs=0.1)
 
 
 @pytest.mark.parametrize("turns", range(1, 6))
 def test_a_landing_that_is_withdrawn_is_undone_whenever_that_is(tmp_path: Path, turns: int) -> None:
     """Also if the firmware has just answered, and nobody can have seen it yet."""
-    flown = Flown(tmp_path)
+    flown = FlightTrace(tmp_path)
     flown.take_off()
     landing = flown.backend.land(LIMITS)
     for _ in range(turns):
         flown._turn()
     if landing.cancel():
-        x, y, z = flown.crazyflie.place
-        flown.fly(lambda _: place(x, y, z), 2.0)
+        x, y, z = flown.crazyflie.current_position
+        flown.fly(lambda _: current_position(x, y, z), 2.0)
         assert flown.estimate().state is State.FLYING_AUTO
-        assert flown.crazyflie.place[2] == pytest.approx(z, abs=0.1)
+        assert flown.crazyflie.current_position[2] == pytest.approx(z, abs=0.1)
     else:
         assert flown.estimate().state is State.LANDING
 
 
 def test_it_is_on_the_ground_soon_after_its_motors_have_stopped(tmp_path: Path) -> None:
-    flown = Flown(tmp_path)
+    flown = FlightTrace(tmp_path)
     flown.take_off(0.5)
     flown.end(flown.backend.land(LIMITS))
     flown.until(lambda: flown.crazyflie.thrust == 0)
@@ -395,10 +395,10 @@ def test_it_is_on_the_ground_soon_after_its_motors_have_stopped(tmp_path: Path) 
 
 @PROTOCOLS
 def test_velocities_fly_and_turn_to_the_left(tmp_path: Path, protocol: int) -> None:
-    flown = Flown(tmp_path, made(protocol))
+    flown = FlightTrace(tmp_path, made(protocol))
     flown.take_off()
     flown.fly(lambda _: VelocitySetpoint(Vector3(0.3, 0.2, 0.0), 0.3), 2.0)
-    x, y, _ = flown.crazyflie.place
+    x, y, _ = flown.crazyflie.current_position
     assert (x, y) == pytest.approx((0.6, 0.4), abs=0.15)
     assert flown.crazyflie.yaw_rad == pytest.approx(0.6, abs=0.15)
     pose = flown.backend.snapshot().motion.pose
@@ -407,7 +407,7 @@ def test_velocities_fly_and_turn_to_the_left(tmp_path: Path, protocol: int) -> N
 
 
 def test_names_what_tells_it_where_it_is_and_takes_poses_from_outside(tmp_path: Path) -> None:
-    flown = Flown(tmp_path)
+    flown = FlightTrace(tmp_path)
     flown.crazyflie.has_positioning = False
     flown.until(lambda: "needs a flow deck, Lighthouse or poses from outside" in flown.estimate().why)
     measured = ExternalPose(Pose(Vector3(0.1, 0.2, 0.3), Quaternion.from_yaw(math.pi / 2)), 0.0, 0.0)
@@ -421,7 +421,7 @@ def test_names_what_tells_it_where_it_is_and_takes_poses_from_outside(tmp_path: 
 
 
 def test_a_deck_that_is_not_sure_is_named(tmp_path: Path) -> None:
-    flown = Flown(tmp_path)
+    flown = FlightTrace(tmp_path)
     flown.crazyflie.has_positioning = False
     letter, _, is_read_only = flown.crazyflie.parameters["deck.bcFlow2"]
     flown.crazyflie.parameters["deck.bcFlow2"] = letter, 1, is_read_only
@@ -429,18 +429,18 @@ def test_a_deck_that_is_not_sure_is_named(tmp_path: Path) -> None:
 
 
 def test_knows_that_the_complementary_estimator_has_no_position(tmp_path: Path) -> None:
-    flown = Flown(tmp_path, parameters={"stabilizer.estimator": 1})
+    flown = FlightTrace(tmp_path, parameters={"stabilizer.estimator": 1})
     flown.until(lambda: "set stabilizer.estimator=2" in flown.estimate().why)
 
 
 def test_another_controller_gets_the_whole_motion(tmp_path: Path) -> None:
-    flown = Flown(tmp_path, parameters={"stabilizer.controller": 2})
+    flown = FlightTrace(tmp_path, parameters={"stabilizer.controller": 2})
     flown.take_off()
     kinds = {p.data[0] for _, p in flown.crazyflie.received if p.port == SETPOINT and p.channel == 0}
     assert kinds == {6}
 
 
-def test_a_hold_shows_only_once_the_firmware_was_told_that_setpoints_stop() -> None:
+def test_a_hold_shows_only_once_the_firmware_was_reported_that_setpoints_stop() -> None:
     sent: list[CrtpPacket] = []
     commander = Commander(sent.append, sent.append, hovers_by_itself=True)
     requests = CrtpRequests(sent.append)
@@ -462,7 +462,7 @@ def test_a_hold_shows_only_once_the_firmware_was_told_that_setpoints_stop() -> N
     assert told_s[-1] >= 0.8
 
 
-def test_a_landing_is_not_asked_for_while_a_setpoint_is_still_being_sent() -> None:
+def test_a_landing_is_not_requested_while_a_setpoint_is_still_being_sent() -> None:
     """A radio may block meanwhile, and the setpoint would arrive second and end the landing."""
     sent: list[CrtpPacket] = []
     requests = CrtpRequests(sent.append)
@@ -475,7 +475,7 @@ def test_a_landing_is_not_asked_for_while_a_setpoint_is_still_being_sent() -> No
         sent.append(packet)
 
     commander = Commander(sent.append, blocked, hovers_by_itself=True)
-    commander.send(place(0.5, 0.0, 1.0), 0.0)
+    commander.send(current_position(0.5, 0.0, 1.0), 0.0)
     commander.step(requests, 0.02, (pose, velocity))
     requests.step(0.02)
     assert [packet.port for packet in sent] == [SETPOINT, HIGH_LEVEL]

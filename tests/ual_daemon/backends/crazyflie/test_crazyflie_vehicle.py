@@ -49,19 +49,19 @@ def test_a_landing_after_a_jump_of_the_position_stops_the_motors_on_the_ground(
     flown.run(1.0)
     flown.move_origin(jump_m)
     flown.run(3.0)
-    assert flown.crazyflie.place[2] == pytest.approx(1.5 + jump_m.z, abs=0.1)
+    assert flown.crazyflie.current_position[2] == pytest.approx(1.5 + jump_m.z, abs=0.1)
     landed = flown.begin_landing()
     while flown.crazyflie.thrust > 0:
         flown._turn()
     assert flown.crazyflie.body.is_on_ground
-    assert flown.crazyflie.place[2] == pytest.approx(REST_Z_M + jump_m.z, abs=0.01)
+    assert flown.crazyflie.current_position[2] == pytest.approx(REST_Z_M + jump_m.z, abs=0.01)
     flown.end(landed)
 
 
 def test_a_source_that_moves_slowly_makes_the_ground_unknown(tmp_path: Path) -> None:
     flown = SimulatedCrazyflie(tmp_path)
     flown.take_off(0.5)
-    here = Vector3(*flown.crazyflie.place)
+    here = Vector3(*flown.crazyflie.current_position)
     assert flown.session.telemetry.ground.landing_z_m(here) == pytest.approx(REST_Z_M, abs=0.01)
     flown.backend.set_external_pose(ExternalPose(Pose(here), flown.now_s, 0.0, resets_count=1))
     flown.run(0.1)
@@ -103,7 +103,7 @@ def test_a_source_of_poses_in_the_default_frame_that_moves_is_followed_and_set_h
 @pytest.mark.parametrize(("hover_s", "silent_s"), [(1.0, 0.0), (1.0, 15.0), (0.0, 15.0)])
 @pytest.mark.parametrize("arms_itself", [True, False])
 @pytest.mark.parametrize("deck", ["", "deck.bcFlow2"])
-def test_a_firmware_that_has_booted_in_flight_stays_down_and_was_not_flown_by_others(
+def test_a_firmware_that_has_booted_in_flight_stays_down_and_was_not_controlled_by_others(
     tmp_path: Path, deck: str, hover_s: float, silent_s: float, *, arms_itself: bool
 ) -> None:
     """It has fallen, out of a hover of its own or out of setpoints, and may take off again."""
@@ -127,7 +127,7 @@ def test_a_firmware_that_has_booted_in_flight_stays_down_and_was_not_flown_by_ot
     assert flown.state is State.FLYING_AUTO
 
 
-def test_a_daemon_that_ends_has_told_that_setpoints_stop_also_if_most_of_that_is_lost(tmp_path: Path) -> None:
+def test_a_daemon_that_ends_has_reported_that_setpoints_stop_also_if_most_of_that_is_lost(tmp_path: Path) -> None:
     flown = SimulatedCrazyflie(tmp_path)
     flown.take_off(1.0)
     flown.begin_go_to(Pose.at(8.0, 0.0, 1.0))
@@ -136,7 +136,7 @@ def test_a_daemon_that_ends_has_told_that_setpoints_stop_also_if_most_of_that_is
     flown.end(flown.vehicle.prepare_shutdown())
     flown.crazyflie.run(6.0)
     assert flown.crazyflie.supervisor is Supervisor.FLYING
-    assert flown.crazyflie.place[2] == pytest.approx(1.0, abs=0.1)
+    assert flown.crazyflie.current_position[2] == pytest.approx(1.0, abs=0.1)
 
 
 def test_an_end_out_of_a_motion_takes_a_second(tmp_path: Path) -> None:

@@ -43,7 +43,7 @@ def received(link: links.CrtpLink) -> list[CrtpPacket]:
     return found
 
 
-def test_udp_both_ways() -> None:
+def test_udp_both_directions() -> None:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as firmware:
         firmware.bind(("127.0.0.1", 0))
         firmware.settimeout(LIMIT_S)
@@ -199,7 +199,7 @@ def crtp(monkeypatch: pytest.MonkeyPatch) -> Crtp:
     return stand_in
 
 
-def test_a_radio_both_ways(crtp: Crtp) -> None:
+def test_a_radio_both_directions(crtp: Crtp) -> None:
     link = make_link(RADIO)
     assert isinstance(link, CflibLink)
     link.open()
@@ -213,7 +213,7 @@ def test_a_radio_both_ways(crtp: Crtp) -> None:
     assert crtp.driver.is_closed
 
 
-def test_what_was_given_to_a_radio_leaves_before_it_is_closed(crtp: Crtp) -> None:
+def test_what_was_passed_to_a_radio_leaves_before_it_is_closed(crtp: Crtp) -> None:
     link = make_link(RADIO)
     link.open()
     for _ in range(20):
@@ -260,7 +260,7 @@ def test_a_stale_pose_is_passed_over_for_what_comes_next() -> None:
     assert taken == [pose(2)]
 
 
-def test_poses_given_while_a_radio_is_blocked_do_not_leave_later(crtp: Crtp) -> None:
+def test_poses_passed_while_a_radio_is_blocked_do_not_leave_later(crtp: Crtp) -> None:
     is_blocked, may_send = threading.Event(), threading.Event()
     send = crtp.driver.send_packet
 
@@ -285,7 +285,7 @@ def test_poses_given_while_a_radio_is_blocked_do_not_leave_later(crtp: Crtp) -> 
     assert rest in ([], [pose(99).data])  # it has left, unless this computer was slow
 
 
-def test_a_radio_that_is_unplugged_is_said(crtp: Crtp) -> None:
+def test_a_radio_that_is_unplugged_is_reported(crtp: Crtp) -> None:
     link = make_link(RADIO)
     link.open()
     crtp.on_error("Error communicating with crazy radio\nException: many lines")
@@ -316,7 +316,7 @@ def test_several_crazyflies_are_listed(crtp: Crtp) -> None:
         ScannedLink().open()
 
 
-def test_without_a_dongle_the_radio_is_not_scanned_and_the_lack_is_said(
+def test_without_a_dongle_the_radio_is_not_scanned_and_the_lack_is_reported(
     crtp: Crtp, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(crazyradio, "get_serials", tuple)

@@ -151,7 +151,7 @@ def test_the_pid_controller_is_helped_with_what_is_missing() -> None:
     assert encoder.encode(goal, None) == packets.position_setpoint(goal.position, 0.0)
 
 
-def test_a_place_that_does_not_fit_16_bits_is_sent_as_floats() -> None:
+def test_a_position_that_does_not_fit_16_bits_is_sent_as_floats() -> None:
     encoder = Encoder(7, {"stabilizer.controller": 2})
     assert encoder.encode(PositionSetpoint(Vector3(40.0, 0.0, 1.0), 0.0)).data[0] == 7
     assert encoder.encode(PositionSetpoint(Vector3(30.0, 0.0, 1.0), 0.0)).data[0] == 6

@@ -18,7 +18,9 @@ def motion(x: float) -> dict[str, float]:
 
 
 @pytest.mark.parametrize("x", [math.nan, math.inf, 3e38])
-def test_a_position_that_cannot_be_true_is_no_pose_and_is_told_once(x: float, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_position_that_cannot_be_true_is_no_pose_and_is_reported_once(
+    x: float, caplog: pytest.LogCaptureFixture
+) -> None:
     telemetry = CrazyflieTelemetry(0.5)
     telemetry.on_motion(motion(2.0), 1.0, 1.0, 1.0)
     for now_s in (1.1, 1.2):
@@ -85,7 +87,7 @@ def test_a_flight_whose_thrust_is_cut_for_a_moment_goes_on() -> None:
     assert landed_of(telemetry) is LandedState.ON_GROUND
 
 
-def test_motion_without_thrust_that_is_heard_first_is_neither_ground_nor_flight() -> None:
+def test_motion_without_thrust_that_is_received_first_is_neither_ground_nor_flight() -> None:
     telemetry = CrazyflieTelemetry(0.5)
     for step in range(3):
         moved(telemetry, 1.0 + step, 0, 0.5)

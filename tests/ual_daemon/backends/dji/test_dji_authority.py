@@ -29,7 +29,7 @@ def test_one_that_follows_late_was_not_taken_by_others() -> None:
 
 
 @pytest.mark.parametrize(("before", "seen"), [(modes.ATTITUDE, modes.ATTITUDE), (modes.SDK_CONTROL, modes.P_GPS)])
-def test_one_that_a_pilot_was_seen_to_fly_stays_taken_until_authority_is_granted(before: int, seen: int) -> None:
+def test_one_that_a_pilot_was_observed_to_fly_stays_taken_until_authority_is_granted(before: int, seen: int) -> None:
     authority = flying()
     authority.observe(before, 1.2, 10.2)
     authority.observe(modes.P_GPS, 1.2, 10.6)

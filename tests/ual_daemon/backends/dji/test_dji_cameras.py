@@ -25,19 +25,19 @@ from ual_daemon.backends.dji import cameras
 
 
 @pytest.fixture
-def flown() -> Iterator[tuple[UAL, LockstepDji]]:
+def flight() -> Iterator[tuple[UAL, LockstepDji]]:
     with ready() as (uav, backend):
         yield uav, backend
 
 
 @pytest.fixture
-def uav(flown: tuple[UAL, LockstepDji]) -> UAL:
-    return flown[0]
+def uav(flight: tuple[UAL, LockstepDji]) -> UAL:
+    return flight[0]
 
 
 @pytest.fixture
-def backend(flown: tuple[UAL, LockstepDji]) -> LockstepDji:
-    return flown[1]
+def backend(flight: tuple[UAL, LockstepDji]) -> LockstepDji:
+    return flight[1]
 
 
 def module_of(backend: LockstepDji) -> CameraModule:
@@ -64,7 +64,7 @@ def test_a_camera_is_found_at_its_port(uav: UAL) -> None:
         uav.cameras[0].streams()
 
 
-def test_orders_reach_the_camera(uav: UAL, camera: Camera) -> None:
+def test_orders_get_to_the_camera(uav: UAL, camera: Camera) -> None:
     found = uav.cameras[0]
     taken = found.take_photo()
     assert (taken.number, camera.photos_count) == (0, 1)
@@ -186,7 +186,7 @@ def test_a_camera_that_hangs_delays_no_flight(uav: UAL, backend: LockstepDji) ->
     fly(uav)  # what waited behind the camera would not be called any more after its own 3 s
 
 
-def test_a_camera_that_vanishes_is_told_and_comes_back(uav: UAL, backend: LockstepDji, camera: Camera) -> None:
+def test_a_camera_that_vanishes_is_reported_and_comes_back(uav: UAL, backend: LockstepDji, camera: Camera) -> None:
     with backend.lock:
         module_of(backend).cameras.clear()
     until(lambda: not uav.cameras.get_all()[0].is_connected, "that it is gone")

@@ -15,7 +15,7 @@ from ual.errors import LinkLostError, RejectedByAutopilotError, TaskAbortedError
 from ual.types import State
 
 
-def test_it_is_not_flown_aside_by_a_position_that_has_stopped() -> None:
+def test_it_is_not_executed_aside_by_a_position_that_has_stopped() -> None:
     with ready(LockstepOsdkVehicle) as (uav, backend):
         fly(uav, 10.0)
         task = uav.land(blocking=False)
@@ -47,7 +47,7 @@ def test_a_velocity_that_has_stopped_does_not_say_that_it_is_held_above_the_grou
         assert not [text for text in told if "has not descended" in text]
 
 
-def test_a_position_that_comes_back_leads_it_over_the_place_again() -> None:
+def test_a_position_that_comes_back_leads_it_over_the_position_again() -> None:
     with ready(LockstepOsdkVehicle) as (uav, backend):
         fly(uav, 10.0)
         uav.land(blocking=False)
@@ -152,7 +152,7 @@ def test_motors_that_do_not_stop_at_first_are_stopped_again() -> None:
         assert len(asked) == 2
 
 
-def test_motors_that_do_not_stop_are_told() -> None:
+def test_motors_that_do_not_stop_are_reported() -> None:
     with ready(LockstepOsdkVehicle) as (uav, backend):
         fly(uav)
         asked = refuse_to_stop(backend, 100)

@@ -62,7 +62,7 @@ def wait(backend: LockstepDji, seconds: float) -> None:
     until(lambda: backend.aircraft.now_s >= end_s)
 
 
-def test_a_landing_is_confirmed_only_when_it_was_asked_for() -> None:
+def test_a_landing_is_confirmed_only_when_it_was_requested() -> None:
     with ready() as (uav, backend):
         fly(uav)
         with backend.lock:
@@ -175,7 +175,7 @@ def test_a_landing_with_a_long_silence_in_it_may_be_that_of_others() -> None:
         assert 0.2 < backend.aircraft.height_m < 0.8
 
 
-def test_authority_that_was_given_up_is_not_released_again() -> None:
+def test_authority_that_was_abandoned_is_not_released_again() -> None:
     with ready() as (uav, backend):
         fly(uav)
         backend.hold().result(LIMIT_S)
@@ -253,14 +253,14 @@ def test_a_landing_that_is_held_above_the_ground_asks_for_the_pilot() -> None:
         (LockstepOsdkVehicle, "DJI's reason is on the console of the node"),
     ],
 )
-def test_a_refusal_is_told_in_the_words_of_the_firmware(kind: type[LockstepDji], text: str) -> None:
+def test_a_refusal_is_reported_in_the_words_of_the_firmware(kind: type[LockstepDji], text: str) -> None:
     with ready(kind) as (uav, backend):
         backend.aircraft.refusal = "Could not turn on motors. In a no-fly zone. Error code is: 68719476736"
         with pytest.raises(RejectedByAutopilotError, match=text):
             uav.arm()
 
 
-def test_the_aircraft_itself_is_asked_whether_its_motors_start() -> None:
+def test_the_aircraft_itself_is_queried_whether_its_motors_start() -> None:
     with ready() as (uav, backend):
         backend.aircraft.motor_error = 1
         until(lambda: "compass" in str(backend.snapshot().condition.health))
@@ -273,7 +273,7 @@ def test_the_aircraft_itself_is_asked_whether_its_motors_start() -> None:
         assert uav.state() is State.LANDED_ARMED
 
 
-def test_what_was_logged_is_told_for_a_while() -> None:
+def test_what_was_logged_is_reported_for_a_while() -> None:
     with ready() as (uav, backend):
         backend.aircraft.refusal = "In a no-fly zone"
         with pytest.raises(RejectedByAutopilotError):
@@ -391,7 +391,7 @@ def test_authority_is_released_after_a_landing(kind: type[LockstepDji]) -> None:
 
 
 @pytest.mark.parametrize("kind", [LockstepOsdk, LockstepOsdkVehicle])
-def test_authority_that_was_seen_lost_is_not_released(kind: type[LockstepDji]) -> None:
+def test_authority_that_was_observed_lost_is_not_released(kind: type[LockstepDji]) -> None:
     with ready(kind) as (uav, backend):
         fly(uav)
         with backend.lock:
@@ -445,7 +445,7 @@ def test_a_flight_that_was_not_commanded_gets_nothing() -> None:
     assert backend.aircraft.device == 4  # another's authority is not released
 
 
-def test_the_app_that_flies_is_told() -> None:
+def test_the_app_that_flies_is_reported() -> None:
     with ready() as (uav, backend):
         fly(uav)
         backend.aircraft.device = 1
@@ -475,7 +475,7 @@ def test_a_home_that_is_not_set_or_not_near_is_not_used() -> None:
         until(lambda: backend.snapshot().earth.home_geo is None)
 
 
-def test_obstacle_avoidance_that_brakes_is_told() -> None:
+def test_obstacle_avoidance_that_brakes_is_reported() -> None:
     with ready() as (uav, backend):
         fly(uav)
         backend.aircraft.obstacle_front_m = 4.0

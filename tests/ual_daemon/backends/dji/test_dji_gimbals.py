@@ -21,19 +21,19 @@ from ual_daemon.backends.dji import gimbals
 
 
 @pytest.fixture
-def flown() -> Iterator[tuple[UAL, LockstepDji]]:
+def flight() -> Iterator[tuple[UAL, LockstepDji]]:
     with ready() as (uav, backend):
         yield uav, backend
 
 
 @pytest.fixture
-def uav(flown: tuple[UAL, LockstepDji]) -> UAL:
-    return flown[0]
+def uav(flight: tuple[UAL, LockstepDji]) -> UAL:
+    return flight[0]
 
 
 @pytest.fixture
-def backend(flown: tuple[UAL, LockstepDji]) -> LockstepDji:
-    return flown[1]
+def backend(flight: tuple[UAL, LockstepDji]) -> LockstepDji:
+    return flight[1]
 
 
 @pytest.fixture
@@ -110,7 +110,7 @@ def is_about(status: GimbalStatus, pitch_rad: float, yaw_rad: float) -> bool:
     return angles is not None and max(abs(angles.pitch_rad - pitch_rad), abs(angles.yaw_rad - yaw_rad)) < 0.05
 
 
-def test_it_points_at_a_place(uav: UAL, gimbal: GimbalModule) -> None:
+def test_it_points_at_a_position(uav: UAL, gimbal: GimbalModule) -> None:
     fly(uav)
     here = uav.pose().pose.position
     uav.gimbals[0].point_at(PointStamped(Vector3(here.x, here.y + 3.0, 0.0), "uav_1/odom"))
@@ -133,7 +133,7 @@ def test_neutral_and_what_is_refused(uav: UAL, gimbal: GimbalModule) -> None:
             order()
 
 
-def test_what_is_wrong_with_it_is_told(uav: UAL, backend: LockstepDji, gimbal: GimbalModule) -> None:
+def test_what_is_wrong_with_it_is_reported(uav: UAL, backend: LockstepDji, gimbal: GimbalModule) -> None:
     gimbal.is_pitch_limited = True
     until(lambda: "its pitch is at a limit" in uav.gimbals[0].status().problems, "the limit")
     gimbal.is_mounted = False

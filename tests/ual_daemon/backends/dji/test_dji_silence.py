@@ -151,7 +151,7 @@ def test_authority_that_the_pilot_took_back_unseen_is_not_ours(kind: type[Lockst
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_authority_is_given_up_in_a_silence_too(kind: type[LockstepDji]) -> None:
+def test_the_authority_is_abandoned_in_a_silence_too(kind: type[LockstepDji]) -> None:
     with ready(kind) as (uav, backend):
         fly(uav)
         in_silence(backend, 0.7, lambda backend: backend.hold()).result(LIMIT_S)

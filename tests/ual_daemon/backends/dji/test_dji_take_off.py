@@ -61,7 +61,7 @@ def test_it_arms_and_takes_off_at_any_rates(rates: tuple[float, float, float]) -
 
 
 @pytest.mark.parametrize("after_s", [0.5, 1.0, 1.5])
-def test_a_pilot_who_takes_over_in_such_a_take_off_is_told_at_once(after_s: float) -> None:
+def test_a_pilot_who_takes_over_in_such_a_take_off_is_reported_at_once(after_s: float) -> None:
     with ready(published(50.0, 10.0, 0.06), 10.0) as (uav, backend):
         backend.simulation().pilot_arm()
         until(lambda: uav.state() is State.LANDED_ARMED)
@@ -103,7 +103,7 @@ def test_motors_that_have_just_started_are_no_other_mode() -> None:
         assert uav.state() is State.FLYING_AUTO
 
 
-def given() -> DjiTelemetry:
+def issued() -> DjiTelemetry:
     """An aircraft on the ground whose control authority the wrapper gives us at 1 s."""
     telemetry = DjiTelemetry(WRAPPERS[0], DjiSettings())
     telemetry.on_flight_status({"flight_status": modes.ON_GROUND}, 0.9)
@@ -119,8 +119,8 @@ def control(telemetry: DjiTelemetry, now_s: float) -> Control:
     return mode.value.control
 
 
-def test_authority_that_was_given_counts_before_it_is_published() -> None:
-    telemetry = given()
+def test_authority_that_was_passed_counts_before_it_is_published() -> None:
+    telemetry = issued()
     assert control(telemetry, 1.0) is Control.REFERENCES
     telemetry.on_control_mode(REMOTE, 1.02)  # said before
     telemetry.on_display_mode({"display_mode": modes.AUTO_TAKE_OFF}, 1.04)
@@ -128,20 +128,20 @@ def test_authority_that_was_given_counts_before_it_is_published() -> None:
 
 
 def test_authority_that_does_not_show_is_lost() -> None:
-    telemetry = given()
+    telemetry = issued()
     telemetry.on_control_mode(REMOTE, 1.32)
     assert control(telemetry, 1.32) is Control.OTHER
 
 
 def test_authority_that_has_shown_is_lost_at_once() -> None:
-    telemetry = given()
+    telemetry = issued()
     telemetry.on_control_mode(OURS, 1.02)
     telemetry.on_control_mode(REMOTE, 1.04)
     assert control(telemetry, 1.04) is Control.OTHER
 
 
 def test_an_answer_that_comes_after_the_authority_was_lost_gives_nothing() -> None:
-    telemetry = given()
+    telemetry = issued()
     telemetry.on_control_mode(OURS, 2.0)
     telemetry.on_control_mode(REMOTE, 2.5)
     telemetry.note_granted(1.9, 3.0)
@@ -151,7 +151,7 @@ def test_an_answer_that_comes_after_the_authority_was_lost_gives_nothing() -> No
 
 
 def test_what_a_silence_may_hide_is_lost_at_once() -> None:
-    telemetry = given()
+    telemetry = issued()
     telemetry.discard_state()
     telemetry.on_display_mode({"display_mode": modes.P_GPS}, 1.1)
     telemetry.on_control_mode(REMOTE, 1.1)

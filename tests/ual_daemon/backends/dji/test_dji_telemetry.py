@@ -21,7 +21,7 @@ from ual_daemon.backends.values import Snapshot
 NOW_S = 1.0
 
 
-def told(**messages: Message) -> Snapshot:
+def reported(**messages: Message) -> Snapshot:
     """The snapshot after an aircraft of dji_osdk_ros has said everything, with some of it in other words."""
     usual: dict[str, Message] = {
         "on_gps_level": {"data": 5},
@@ -37,7 +37,7 @@ def told(**messages: Message) -> Snapshot:
 
 
 def test_what_can_be_true_is_taken() -> None:
-    snapshot = told()
+    snapshot = reported()
     assert snapshot.motion.pose is not None
     assert snapshot.motion.position_geo is not None
     assert snapshot.motion.velocity is not None
@@ -54,8 +54,8 @@ def test_what_can_be_true_is_taken() -> None:
         {"latitude": 37.0, "longitude": -6.0, "altitude": math.nan},
     ],
 )
-def test_an_impossible_place_is_no_pose(place: Message) -> None:
-    snapshot = told(on_position=place)
+def test_an_impossible_position_is_no_pose(place: Message) -> None:
+    snapshot = reported(on_position=place)
     assert snapshot.motion.pose is None
     assert snapshot.motion.position_geo is None
 
@@ -91,16 +91,16 @@ def test_home_is_on_the_ground_also_where_the_daemon_was_started_in_the_air(
 
 @pytest.mark.parametrize("quaternion", [(0.0, 0.0, 0.0, 0.0), (math.nan, 0.0, 0.0, 1.0), (2.0, 0.0, 0.0, 1.0)])
 def test_an_impossible_attitude_is_no_pose(quaternion: tuple[float, ...]) -> None:
-    assert told(on_attitude={"quaternion": dict(zip("xyzw", quaternion, strict=True))}).motion.pose is None
+    assert reported(on_attitude={"quaternion": dict(zip("xyzw", quaternion, strict=True))}).motion.pose is None
 
 
 @pytest.mark.parametrize("speed_m_s", [math.nan, math.inf, 3e38])
 def test_an_impossible_velocity_is_none(speed_m_s: float) -> None:
-    assert told(on_velocity={"vector": {"x": speed_m_s, "y": 0.0, "z": 0.0}}).motion.velocity is None
+    assert reported(on_velocity={"vector": {"x": speed_m_s, "y": 0.0, "z": 0.0}}).motion.velocity is None
 
 
 def test_impossible_rates_are_not_taken() -> None:
-    snapshot = told(on_body_rates={"vector": {"x": 0.0, "y": 0.0, "z": math.nan}})
+    snapshot = reported(on_body_rates={"vector": {"x": 0.0, "y": 0.0, "z": math.nan}})
     assert snapshot.motion.velocity is not None
     assert snapshot.motion.velocity.value.angular.z == 0.0
 
@@ -114,7 +114,7 @@ def test_impossible_rates_are_not_taken() -> None:
         (999, "motor start error 999"),
     ],
 )
-def test_why_its_motors_do_not_start_is_told_in_words(number: int, text: str) -> None:
+def test_why_its_motors_do_not_start_is_reported_in_words(number: int, text: str) -> None:
     telemetry = DjiTelemetry(WRAPPERS[0], DjiSettings())
     telemetry.on_motor_error({"data": number}, 0.0)
     assert telemetry.why_not_start == text
@@ -133,7 +133,7 @@ def test_the_mode_of_the_ground_may_come_before_the_ground() -> None:
     assert not telemetry.is_landing
 
 
-def test_a_landing_that_is_ended_in_the_air_is_told_soon() -> None:
+def test_a_landing_that_is_ended_in_the_air_is_reported_soon() -> None:
     telemetry = DjiTelemetry(next(each for each in WRAPPERS if not each.has_sea_level), DjiSettings())
     telemetry.on_flight_status({"data": modes.IN_AIR}, 1.0)
     telemetry.on_display_mode({"data": modes.AUTO_LANDING}, 1.0)

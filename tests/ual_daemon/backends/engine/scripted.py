@@ -187,7 +187,7 @@ class Judge:
             order.mode_seen, order.own_modes = seen, self._own_lately(now_s)
         return order
 
-    def on_asked(self, name: str, mode_seen: str, result: Future[None], now_s: float) -> Order:
+    def on_request(self, name: str, mode_seen: str, result: Future[None], now_s: float) -> Order:
         own = {COMMANDS[name].mode} | self._own_lately(now_s)
         order = Order(name, COMMANDS[name], now_s, mode_seen, own, result)
         self.orders.append(order)
@@ -279,7 +279,7 @@ class Scripted:
             hindrance=lambda: "the bridge is late" if self.judge.is_held_up else "",
         )
         self.loop = Loop(self, self.clock, self.watch, self.updates.append)
-        self.desk: CommandEntrance[str] = CommandEntrance(self.loop, self.clock, self._reach)
+        self.desk: CommandEntrance[str] = CommandEntrance(self.loop, self.clock, self._require_session)
 
     # --- What the loop drives ---
 
@@ -336,7 +336,7 @@ class Scripted:
             return command
 
         result = self.desk.give(command.what, make)
-        order = self.judge.on_asked(name, "" if mode is None else mode.value.name, result, self.clock.now)
+        order = self.judge.on_request(name, "" if mode is None else mode.value.name, result, self.clock.now)
         return order
 
     def answer(self, verdict: Verdict, index: int = -1) -> None:
@@ -420,7 +420,7 @@ class Scripted:
     def _setpoints_s(self, now_s: float) -> float:
         return max(0.0, now_s - self.judge.setpoints_since_s)
 
-    def _reach(self, what: str) -> CommandRunner[str] | UalError:
+    def _require_session(self, what: str) -> CommandRunner[str] | UalError:
         return self.runner if self.watch.is_up(self.clock.now) else LinkLostError(f"cannot {what}: nothing is heard")
 
     @property

@@ -63,7 +63,7 @@ def test_a_first_verdict_counts_in_flight_and_a_late_one_does_not() -> None:
     assert noted(late, *(("b", since_s + after_s) for after_s in (0.0, 0.5, 1.0)), is_flying=True)[-1] == "a"
 
 
-def test_a_verdict_whose_samples_have_ended_gives_way() -> None:
+def test_a_verdict_whose_samples_have_ended_yields() -> None:
     agreement = Agreement("", ends_s=5.0)
     noted(agreement, ("b", 0.0), ("b", 0.5), ("b", 1.0))
     agreement.tick(5.9, is_flying=True)

@@ -16,7 +16,7 @@ from ual_daemon.backends.engine.photo_log import PhotoLog
 
 
 @given(st.floats(0.1, 50.0), st.floats(0.001, 0.9), st.integers(1, 200))
-def test_on_a_line_each_picture_is_due_where_it_should_be(distance_m: float, share: float, count: int) -> None:
+def test_on_a_row_each_picture_is_due_where_it_should_be(distance_m: float, share: float, count: int) -> None:
     """Steps of any length below the distance do not add up: picture n is due within a step after n distances."""
     trigger, step_m = DistanceTrigger(distance_m), distance_m * share
     taken_m = [i * step_m for i in range(count) if trigger.due_count(Vector3(i * step_m))]

@@ -142,7 +142,7 @@ def test_a_mode_that_needs_setpoints_leaves_in_the_end_without_them(plain: Plain
     assert plain.sent == ["mode setpoints"]
 
 
-def test_a_mode_that_was_not_said_just_now_keeps_back_what_a_bridge_executes_late(plain: Plain) -> None:
+def test_a_mode_that_was_not_reported_just_now_keeps_back_what_a_bridge_executes_late(plain: Plain) -> None:
     plain.runner.submit(replace(mode_command("hold"), mode_age_s=0.01), plain.now_s)
     assert plain.sent == ["mode hold"]
     plain.now_s += 0.02
@@ -153,7 +153,7 @@ def test_a_mode_that_was_not_said_just_now_keeps_back_what_a_bridge_executes_lat
     assert plain.sent == ["mode hold", "mode land"]
 
 
-def test_through_a_bridge_it_is_asked_again_only_where_the_autopilot_shows_that_it_was_not_done() -> None:
+def test_through_a_bridge_it_is_queried_again_only_where_the_autopilot_shows_that_it_was_not_done() -> None:
     plain = Plain(RunnerSettings(bridge="the bridge"))
     future = plain.runner.submit(mode_command("hold", BRIDGED), plain.now_s)
     plain.run(2.0)
@@ -365,7 +365,7 @@ def test_a_command_that_waited_while_others_chose_a_mode_says_so(plain: Plain) -
 
 
 @pytest.mark.parametrize("verdict", [None, Verdict.ACCEPTED])
-def test_a_command_that_was_sent_before_others_chose_a_mode_is_not_said_to_be_unsent(
+def test_a_command_that_was_sent_before_others_chose_a_mode_is_not_reported_to_be_unsent(
     plain: Plain, caplog: pytest.LogCaptureFixture, verdict: Verdict | None
 ) -> None:
     """A link that stalls may bring it to the autopilot later."""
@@ -395,7 +395,7 @@ def test_on_the_ground_a_mode_that_shows_late_is_that_of_the_arming_and_any_othe
     assert future.done() is not is_armed_anew
 
 
-def test_the_end_of_a_step_is_told_and_the_mode_is_wanted_while_a_command_waits_for_it(plain: Plain) -> None:
+def test_the_end_of_a_step_is_reported_and_the_mode_is_wanted_while_a_command_waits_for_it(plain: Plain) -> None:
     done: list[str] = []
     step = replace(mode_command("hold"), on_done=lambda: done.append("hold"))
     plain.run(0.5, mode="")
@@ -421,7 +421,7 @@ def test_a_command_from_any_thread_ends_in_its_future() -> None:
     assert order.result.result(0) is None
 
 
-def test_without_a_vehicle_in_reach_a_command_fails_at_once() -> None:
+def test_without_a_vehicle_in_range_a_command_fails_at_once() -> None:
     assert isinstance(Scripted().ask("hold").result.exception(0), LinkLostError)
 
 

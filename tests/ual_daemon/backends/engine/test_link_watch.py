@@ -12,7 +12,7 @@ from ual_daemon.backends.engine.link_watch import STALE_S, LinkWatch, LinkWatchS
 from ual_daemon.backends.values import LinkReport
 
 
-class Told:
+class ReportedSample:
     def __init__(self) -> None:
         self.events: list[str] = []
         self.watch = LinkWatch(
@@ -21,16 +21,16 @@ class Told:
 
 
 @pytest.fixture
-def told() -> Told:
-    return Told()
+def reported() -> ReportedSample:
+    return ReportedSample()
 
 
 def state(watch: LinkWatch) -> LinkWatchState:
     return watch.state
 
 
-def test_the_link_goes_from_connecting_to_connected_to_stale_to_lost_and_back(told: Told) -> None:
-    watch = told.watch
+def test_the_link_goes_from_connecting_to_connected_to_stale_to_lost_and_back(reported: ReportedSample) -> None:
+    watch = reported.watch
     watch.tick(100.0)
     assert state(watch) is LinkWatchState.CONNECTING
     assert not watch.is_up(100.0)
@@ -49,27 +49,27 @@ def test_the_link_goes_from_connecting_to_connected_to_stale_to_lost_and_back(to
     assert watch.report() == LinkReport(lost_count=1, reboots_count=0)
 
 
-def test_each_change_is_logged_once(told: Told, caplog: pytest.LogCaptureFixture) -> None:
+def test_each_change_is_logged_once(reported: ReportedSample, caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.INFO):
-        told.watch.on_message(1.9)
+        reported.watch.on_message(1.9)
         for tick in range(20, 100):
-            told.watch.tick(tick / 10)
-        told.watch.on_message(10.0)
+            reported.watch.tick(tick / 10)
+        reported.watch.on_message(10.0)
     records: list[Any] = caplog.records
     assert [record.ual_fields["new"] for record in records] == ["connected", "lost", "connected"]
     assert records[2].ual_fields["silence_s"] == 8.1
 
 
-def test_a_silence_discards_and_a_longer_one_has_everything_requested_anew(told: Told) -> None:
+def test_a_silence_discards_and_a_longer_one_has_everything_requested_anew(reported: ReportedSample) -> None:
     now_s = 0.0
     for silence_s in (0.0, SILENT_S, 0.9, 1.1, ANEW_S + 0.1):
         now_s += silence_s
-        told.watch.on_message(now_s)
-    assert told.events == ["lost", "lost", "anew"]
+        reported.watch.on_message(now_s)
+    assert reported.events == ["lost", "lost", "anew"]
 
 
-def test_what_was_said_before_a_silence_or_a_time_of_not_looking_is_not_relied_on(told: Told) -> None:
-    watch = told.watch
+def test_what_was_reported_before_a_silence_or_a_time_of_not_looking_is_not_relied_on(reported: ReportedSample) -> None:
+    watch = reported.watch
     assert watch.why_silent(0.0) == "nothing was heard of the autopilot yet"
     watch.on_message(0.0)
     watch.on_message(SILENT_S)
@@ -86,8 +86,10 @@ def test_what_was_said_before_a_silence_or_a_time_of_not_looking_is_not_relied_o
     assert watch.spoken_s == 1.0
 
 
-def test_a_boot_time_that_runs_back_is_a_reboot_and_nothing_is_commanded_while_that_is_doubtful(told: Told) -> None:
-    watch = told.watch
+def test_a_boot_time_that_runs_back_is_a_reboot_and_nothing_is_commanded_while_that_is_doubtful(
+    reported: ReportedSample,
+) -> None:
+    watch = reported.watch
     times = [(100.0, 0.0), (100.5, 0.5), (100.2, 0.6), (101.0, 1.0), (3.0, 1.4), (3.1, 1.5), (3.2, 1.6), (3.3, 1.7)]
     rebooted, doubts = [], []
     for boot_s, now_s in times:

@@ -55,7 +55,7 @@ def setup() -> Setup:
     return Setup()
 
 
-def test_a_snapshot_is_there_before_anything_was_heard(setup: Setup) -> None:
+def test_a_snapshot_is_there_before_anything_was_received(setup: Setup) -> None:
     assert setup.loop.newest.motion.pose is None
 
 
@@ -142,7 +142,7 @@ def test_after_a_moment_of_not_looking_nothing_counts_as_read_until_what_waited_
     assert setup.vehicle.pauses_s == []
 
 
-def test_a_pause_discards_and_is_told_for_a_while(setup: Setup) -> None:
+def test_a_pause_discards_and_is_reported_for_a_while(setup: Setup) -> None:
     assert setup.round(PAUSE_S + 0.5) == pytest.approx(PAUSE_S + 0.5)
     assert setup.vehicle.pauses_s == [pytest.approx(PAUSE_S + 0.5)]
     assert setup.updates[-1].scheduling_gap == "this computer did not run UAL for 1.5 s"
@@ -267,7 +267,7 @@ def test_a_snapshot_that_cannot_be_made_does_not_end_the_thread(caplog: pytest.L
     assert sum("a defect in what makes it" in str(record.exc_info) for record in caplog.records) == 1
 
 
-def test_what_is_open_at_the_end_and_what_is_given_after_it_ends_with_an_error(setup: Setup) -> None:
+def test_what_is_open_at_the_end_and_what_is_passed_after_it_ends_with_an_error(setup: Setup) -> None:
     begun: list[Future[int]] = []
     waits: Future[int] = setup.loop.give("land", lambda future, _: begun.append(future))
     ended: Future[int] = setup.loop.give("hold", lambda future, _: futures.finish(future, 7))

@@ -227,8 +227,8 @@ def test_the_search_finds_an_engine_without_one_of_the_rules(rule: str, monkeypa
 
     @settings(max_examples=EXAMPLES_COUNT, phases=[Phase.generate], report_multiple_bugs=False)
     @given(SCRIPTS)
-    def look(script: list[Event]) -> None:
+    def poll_once(script: list[Event]) -> None:
         run(script)
 
     with pytest.raises(BrokenRuleError):
-        look()
+        poll_once()

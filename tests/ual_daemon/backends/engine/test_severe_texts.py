@@ -14,7 +14,7 @@ def texts_of(found: SevereTexts, now_s: float) -> list[str]:
 
 
 @pytest.mark.parametrize(("severity", "is_told"), [(0, True), (SEVERE, True), (SEVERE + 1, False), (6, False)])
-def test_what_is_critical_or_worse_is_told(severity: int, is_told: bool) -> None:
+def test_what_is_critical_or_worse_is_reported(severity: int, is_told: bool) -> None:
     found = SevereTexts()
     found.on_text("Potential Thrust Loss (3)", severity, 1.0)
     assert texts_of(found, 1.0) == ["Potential Thrust Loss (3)"] * is_told
@@ -37,7 +37,7 @@ def test_a_text_ends_by_the_one_that_says_that_it_is_over() -> None:
     assert not texts_of(found, 1.0)
 
 
-def test_checks_before_arming_are_told_as_checks() -> None:
+def test_checks_before_arming_are_reported_as_checks() -> None:
     found = SevereTexts()
     found.on_text("PreArm: Mode requires mission", SEVERE, 0.0)
     assert not texts_of(found, 0.0)

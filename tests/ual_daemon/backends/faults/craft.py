@@ -42,7 +42,7 @@ class Can(Enum):
     """Messages wait on our side of the link."""
 
 
-class Seen(NamedTuple):
+class ObservedState(NamedTuple):
     """Observations of a simulator: its time, the times at which setpoints have reached it, and the commands; see
     `Craft`.
     """
@@ -65,7 +65,7 @@ class Craft(ABC):
     seen_s: ClassVar[float] = 0.7
     """A take-over shows in the state by then."""
 
-    def __init__(self, backend: Backend, seen: Seen) -> None:
+    def __init__(self, backend: Backend, seen: ObservedState) -> None:
         self.backend = backend
         self.seen = seen
         self.uav = UAL(backend, allow_arming=True)

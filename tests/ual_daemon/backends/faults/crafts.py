@@ -26,7 +26,7 @@ from tests.simulators.pace import Pace
 from tests.simulators.ports import MemoryPort
 from tests.simulators.px4 import Px4
 from tests.simulators.rosbridge import Answer, Message
-from tests.ual_daemon.backends.faults.craft import Can, Craft, Seen
+from tests.ual_daemon.backends.faults.craft import Can, Craft, ObservedState
 from ual.simulation import Command, CommandRefused, LinkLost
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.crazyflie.packets import HIGH_LEVEL, LAND, PLATFORM, SET_ARMED, SETPOINT, CrtpPacket
@@ -86,9 +86,9 @@ class OfAutopilot(Craft):
 
     autopilot: Autopilot
 
-    def seen_by_autopilot(self) -> Seen:
+    def visible_to_autopilot(self) -> ObservedState:
         autopilot = self.autopilot
-        return Seen(
+        return ObservedState(
             lambda: autopilot.elapsed_s,
             lambda: autopilot.setpoints_s,
             lambda: [(each[0], FLYING[each[1]]) for each in autopilot.commands if each[1] in FLYING],
@@ -131,7 +131,7 @@ class OfMavlink(OnBadLink, OfAutopilot):
         self.link = BadLink(port, 0)
         self.autopilot = Px4(self.link, is_terse=True) if self.kind is Px4 else ArduPilot(self.link)
         backend = LockstepBackend(OPTIONS, self.autopilot, port, SPEED)
-        super().__init__(backend, self.seen_by_autopilot())
+        super().__init__(backend, self.visible_to_autopilot())
         scripted(self, backend.connection._pace)
 
     @override
@@ -159,7 +159,7 @@ class OfMavros(OnRosbridge, OfAutopilot):
         port = MemoryPort()
         self.autopilot = Px4(port, is_terse=True) if self.kind is Px4 else ArduPilot(port)
         self.ros = LockstepMavros(OPTIONS, self.autopilot, port, self.ros_version, SPEED)
-        super().__init__(self.ros, self.seen_by_autopilot())
+        super().__init__(self.ros, self.visible_to_autopilot())
         scripted(self, self.ros._pace)
 
     @override
@@ -201,7 +201,7 @@ class OfDji(OnRosbridge):
         aircraft = self.dji.aircraft
         super().__init__(
             self.dji,
-            Seen(
+            ObservedState(
                 lambda: self.dji.bridge.now_s,
                 lambda: [time_s for time_s, _, _ in aircraft.setpoints],
                 lambda: self._called,
@@ -267,7 +267,7 @@ class OfCrazyflie(OnBadLink):
         self.crazyflie._take = note  # type: ignore[method-assign]
         options = BackendOptions("uav_1", None, {"cache_directory": str(cache)})
         backend = LockstepCrazyflie(options, self.crazyflie, memory, SPEED)
-        super().__init__(backend, Seen(lambda: self.crazyflie.elapsed_s, self._hovered_s, self._commanded))
+        super().__init__(backend, ObservedState(lambda: self.crazyflie.elapsed_s, self._hovered_s, self._commanded))
         link = backend._link
         assert isinstance(link, SteppedLink)
         scripted(self, link._pace)
@@ -330,7 +330,7 @@ class OfLight(Craft):
             setattr(backend, name, self._noted(name, getattr(backend, name)))
         self._script = []
         self.world._step_once = step  # type: ignore[method-assign]
-        super().__init__(backend, Seen(self.world.now_s, lambda: self._setpoints_s, lambda: self._commands))
+        super().__init__(backend, ObservedState(self.world.now_s, lambda: self._setpoints_s, lambda: self._commands))
 
     def _noted(self, name: str, action: Callable[..., str | None]) -> Callable[..., str | None]:
         def noted(*arguments: object) -> str | None:
@@ -373,7 +373,9 @@ class OfHover(Craft):
     def __init__(self, _: Path) -> None:
         self.hover = LockstepHover(OPTIONS, SPEED)
         device = self.hover.device
-        super().__init__(self.hover, Seen(lambda: device.elapsed_s, lambda: device.targets_s, lambda: device.commands))
+        super().__init__(
+            self.hover, ObservedState(lambda: device.elapsed_s, lambda: device.targets_s, lambda: device.commands)
+        )
         scripted(self, self.hover.device.pace)
 
     @override
@@ -426,7 +428,7 @@ class OfAirsim(Craft):
             begin(peer, number, method, arguments)
 
         self.server._begin = note  # type: ignore[method-assign]
-        seen = Seen(lambda: self.vehicle.now_s, lambda: self._setpoints_s, lambda: self._commands)
+        seen = ObservedState(lambda: self.vehicle.now_s, lambda: self._setpoints_s, lambda: self._commands)
         super().__init__(LockstepAirsim(OPTIONS, self.server, self.vehicle), seen)
         self.server.on_step = self.step_script
 

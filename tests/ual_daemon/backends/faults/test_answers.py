@@ -11,7 +11,7 @@ from ual.types import State
 
 
 @over(Can.REFUSE)
-def test_a_refusal_is_told_and_not_asked_about_again(craft: Craft) -> None:
+def test_a_refusal_is_reported_and_not_queried_about_again(craft: Craft) -> None:
     craft.arm()
     craft.uav.disarm()
     craft.until_state(State.LANDED_DISARMED)
@@ -36,7 +36,7 @@ def test_a_command_without_an_answer_fails_and_is_not_sent_later(craft: Craft) -
 
 
 @over(Can.IGNORE, Can.REPEAT)
-def test_a_command_that_is_heard_late_is_obeyed_once(craft: Craft) -> None:
+def test_a_command_that_is_received_late_is_obeyed_once(craft: Craft) -> None:
     craft.arm()
     craft.uav.disarm()
     craft.run(3.0)

@@ -54,7 +54,7 @@ _HAVE_MORE = ("px4", "ardupilot", "mavros px4", "mavros ardupilot", "dji psdk", 
 
 
 @pytest.mark.parametrize("craft", _HAVE_MORE, indirect=True)
-def test_a_defect_beside_flying_ends_no_link(
+def test_a_defect_next_to_flying_ends_no_link(
     craft: Craft, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     called: list[str] = []
@@ -76,7 +76,7 @@ def test_a_defect_beside_flying_ends_no_link(
     assert len(told) in (1, 2)  # one of each that fails
 
 
-def test_a_defect_of_what_is_begun_beside_flying_ends_its_future_only() -> None:
+def test_a_defect_of_what_is_begun_next_to_flying_ends_its_future_only() -> None:
     def fail(*_: object) -> NoReturn:
         raise ZeroDivisionError
 

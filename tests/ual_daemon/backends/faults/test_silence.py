@@ -78,13 +78,13 @@ def undo_in_silence(craft: Craft, command: Action, undo: Action, silent_s: float
     told_s = craft.now_s
     came_s: list[float] = []
 
-    def fall_silent_once_told() -> None:
+    def fall_silent_once_reported() -> None:
         if not came_s and craft.commands_since(told_s):
             came_s.append(craft.now_s)
             craft.fall_silent()
             craft.later((0.4, undo), (silent_s, craft.speak))
 
-    looks = [(0.01 * n, fall_silent_once_told) for n in range(200)]
+    looks = [(0.01 * n, fall_silent_once_reported) for n in range(200)]
     craft.play((0.0, command), *looks, for_s=silent_s + 5.0)
     return came_s[0]
 

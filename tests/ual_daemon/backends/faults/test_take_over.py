@@ -36,7 +36,7 @@ def stream(uav: UAL) -> None:
 
 @over(Can.BE_FLOWN_BY_A_PILOT)
 @pytest.mark.parametrize("manoeuvre", [go, follow, hold, stream])
-def test_it_is_seen_and_nothing_is_sent_after(craft: Craft, manoeuvre: Callable[[UAL], None]) -> None:
+def test_it_is_observed_and_nothing_is_sent_after(craft: Craft, manoeuvre: Callable[[UAL], None]) -> None:
     craft.fly()
     begin_s = craft.play((0.0, lambda: manoeuvre(craft.uav)), (0.37, craft.pilot_takes_over), for_s=4.0)
     told_s = craft.first_s(State.FLYING_MANUAL, begin_s)

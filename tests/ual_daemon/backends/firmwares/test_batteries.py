@@ -8,7 +8,7 @@ from ual.types import Battery
 from ual_daemon.backends.firmwares.batteries import LASTS_S, MOST, Batteries
 
 
-def told(*batteries: Battery) -> Batteries:
+def reported(*batteries: Battery) -> Batteries:
     found = Batteries()
     for each in batteries:
         found.on_battery(each, 0.0)
@@ -29,23 +29,23 @@ def told(*batteries: Battery) -> Batteries:
     ],
 )
 def test_the_emptiest_that_keeps_it_in_the_air_counts(batteries: list[Battery], decisive: int | None) -> None:
-    found = told(*batteries).decisive()
+    found = reported(*batteries).decisive()
     assert (None if found is None else found.id) == decisive
 
 
 def test_they_stand_in_the_order_of_their_ids_with_the_newest_word() -> None:
-    found = told(Battery(50.0, id=2), Battery(60.0, id=0), Battery(40.0, id=2))
+    found = reported(Battery(50.0, id=2), Battery(60.0, id=0), Battery(40.0, id=2))
     assert found.all == (Battery(60.0, id=0), Battery(40.0, id=2))
     assert found.are_several
 
 
-def test_one_that_is_not_told_of_any_more_is_gone() -> None:
-    found = told(Battery(10.0, id=1))
+def test_one_that_is_not_reported_any_more_is_gone() -> None:
+    found = reported(Battery(10.0, id=1))
     found.on_battery(Battery(90.0), LASTS_S + 0.1)
     assert found.all == (Battery(90.0),)
     assert not found.are_several
 
 
 def test_no_more_are_kept_than_a_vehicle_can_have() -> None:
-    found = told(*(Battery(50.0, id=i) for i in range(MOST + 1)))
+    found = reported(*(Battery(50.0, id=i) for i in range(MOST + 1)))
     assert len(found.all) == MOST

@@ -160,7 +160,7 @@ def test_setpoints_that_go_on_at_once_change_nothing_of_the_name() -> None:
     ],
 )
 @pytest.mark.parametrize("is_first", [True, False])
-def test_another_cause_beside_missing_setpoints_counts_more(trigger: str, cause: Cause, *, is_first: bool) -> None:
+def test_another_cause_next_to_missing_setpoints_counts_more(trigger: str, cause: Cause, *, is_first: bool) -> None:
     """It is overridden only with force."""
     watch = Px4Watch()
     watch.pass_s(5.0, is_sending=True)
@@ -211,7 +211,7 @@ def test_a_battery_that_stays_critical_is_no_cause_of_a_later_failsafe_unless_px
 
 @pytest.mark.parametrize("is_heartbeat_first", [False, True])
 @pytest.mark.parametrize(("is_explained", "cause"), [(False, Cause.BATTERY), (True, Cause.FAILSAFE)])
-def test_a_failsafe_that_held_in_the_mode_that_was_asked_for_keeps_its_cause(
+def test_a_failsafe_that_held_in_the_mode_that_was_requested_keeps_its_cause(
     cause: Cause, *, is_explained: bool, is_heartbeat_first: bool
 ) -> None:
     """PX4 holds for 5 s before it returns. Amid its own hold it was told as "failsafe" only."""
@@ -250,7 +250,7 @@ def test_a_battery_counts_as_new_in_each_flight() -> None:
         watch.tell(is_armed=False)
 
 
-def test_a_sensor_that_fails_beside_a_pause_keeps_it_a_failsafe_without_a_name() -> None:
+def test_a_sensor_that_fails_next_to_a_pause_keeps_it_a_failsafe_without_a_name() -> None:
     watch = Px4Watch()
     watch.causes.on_sensors(Sensor.BATTERY, Sensor.BATTERY, 0.0)
     watch.pass_s(5.0, is_sending=True)

@@ -62,7 +62,7 @@ def test_a_steady_wind_is_not_taken_for_drag() -> None:
     assert learner.drag_1_s == pytest.approx(0.3, abs=0.03)
 
 
-def test_where_there_is_no_drag_none_is_told() -> None:
+def test_where_there_is_no_drag_none_is_reported() -> None:
     learner = FeedForward()
     fly(learner, 0.0)
     setpoint = PositionSetpoint(STILL, 0.0, Vector3(5.0, 0.0, 0.0), Vector3(1.0, 0.0, 0.0))
@@ -92,7 +92,7 @@ def test_a_drag_that_was_expected_wrongly_is_learned_all_the_same(
     assert "drag_learned" in caplog.text
 
 
-def test_a_drag_that_was_expected_rightly_is_not_told_again(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_drag_that_was_expected_rightly_is_not_reported_again(caplog: pytest.LogCaptureFixture) -> None:
     with caplog.at_level(logging.INFO):
         fly(FeedForward(0.5), 0.5)
     assert not caplog.records
@@ -131,7 +131,7 @@ def test_at_rest_a_setpoint_stays_as_it_is() -> None:
         assert learner.apply(setpoint, step * STEP_S) == setpoint
 
 
-def test_an_acceleration_that_grows_is_told_early() -> None:
+def test_an_acceleration_that_grows_is_reported_early() -> None:
     learner = FeedForward()
     for step in range(50):
         setpoint = PositionSetpoint(STILL, 0.0, acceleration=Vector3(2.0 * step * STEP_S, 0.0, 0.0))
@@ -172,7 +172,7 @@ def test_a_steady_speed_is_no_error_however_seldom_positions_come() -> None:
         assert learner.velocity_error.norm() < 1e-6  # it was 0.5 m/s at 10 Hz
 
 
-def test_a_velocity_is_sent_as_it_is_flown_with_the_acceleration_that_leads_to_it() -> None:
+def test_a_velocity_is_sent_as_it_is_executed_with_the_acceleration_that_leads_to_it() -> None:
     """PX4's own answer: a (1 + D) = P (commanded - v), with the drag added."""
     learner, commanded = FeedForward(0.5), Vector3(2.0, -1.0, 0.5)
     flown = Vector3()

@@ -68,7 +68,7 @@ def test_items_become_zones_with_names_for_people() -> None:
         ([item(16, 5.0)], "item 0 is command 16, which is none of a fence"),
     ],
 )
-def test_what_makes_no_fence_is_told_and_nothing_of_it_counts(items: list[FenceItem], why: str) -> None:
+def test_what_makes_no_fence_is_reported_and_nothing_of_it_counts(items: list[FenceItem], why: str) -> None:
     assert find_zones([item(CIRCLE_OUT, 5.0), *items][1:]) == FoundZones(None, why)
 
 
@@ -100,7 +100,7 @@ def test_a_malformed_fence_stays_unread_with_the_reason(autopilot: Autopilot, pa
     assert own.is_cut_by_unread
 
 
-def told(caplog: pytest.LogCaptureFixture) -> list[tuple[int, object, object]]:
+def reported(caplog: pytest.LogCaptureFixture) -> list[tuple[int, object, object]]:
     fields = [vars(each) for each in caplog.records if vars(each).get("ual_event") == "autopilot_fence"]
     return [(each["levelno"], each["ual_fields"]["zones"], each["ual_fields"]["not_read"]) for each in fields]
 
@@ -109,10 +109,10 @@ def test_the_log_waits_for_the_zones_and_says_how_many_there_are(caplog: pytest.
     reader = FenceReader(ArduCopter(), PARAMETERS, awaits_zones=True)
     with caplog.at_level(logging.INFO):
         reader.update()
-        assert told(caplog) == []
+        assert reported(caplog) == []
         reader.set_zones(FOUND)
         reader.set_zones(FOUND)
-    assert told(caplog) == [(logging.INFO, 1, None)]
+    assert reported(caplog) == [(logging.INFO, 1, None)]
     assert reader.limits == AutopilotFence(zones=(INSIDE,))
 
 
@@ -123,6 +123,6 @@ def test_zones_that_do_not_come_are_a_warning_and_those_that_are_known_stay(capl
         reader.set_zones(FOUND)
         reader.stop_waiting()
     unread = "its polygons and circles (FENCE_TOTAL 6)"
-    assert told(caplog) == [(logging.WARNING, None, unread), (logging.INFO, 1, None)]
+    assert reported(caplog) == [(logging.WARNING, None, unread), (logging.INFO, 1, None)]
     assert reader.limits is not None
     assert reader.limits.zones == (INSIDE,)

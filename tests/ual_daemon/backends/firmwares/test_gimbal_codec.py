@@ -72,7 +72,7 @@ def test_an_axis_that_cannot_turn_is_none() -> None:
     assert identity.abilities.isdisjoint({GimbalAbility.YAW, GimbalAbility.EARTH, GimbalAbility.ROLL})
 
 
-def test_of_two_mounts_it_is_not_known_which_one_looks_where() -> None:
+def test_of_two_mounts_it_is_not_known_which_one_points_where() -> None:
     known = {**MOUNT, "MNT2_TYPE": 1.0}
     identity = ARDUPILOT.identity(known)
     assert identity is not None
@@ -90,20 +90,20 @@ def test_px4_says_zeros_of_a_gimbal_that_is_a_device_itself() -> None:
 
 
 @given(st.floats(-0.5, 0.5), st.floats(-1.5, 1.5), st.floats(-3.0, 3.0))
-def test_what_is_ordered_is_what_is_seen(roll: float, pitch: float, yaw: float) -> None:
+def test_what_is_ordered_is_what_is_observed(roll: float, pitch: float, yaw: float) -> None:
     angles = GimbalAngles(roll, pitch, yaw)
     mount = PX4.turning(angles, HORIZON)
     assert (mount.id, mount.params[6], mount.holds) == (MOUNT_CONTROL, 2.0, False)
     pitch_deg, roll_deg, yaw_deg = mount.params[:3]
-    assert seen(roll_deg, pitch_deg, yaw_deg) == pytest.approx((roll, pitch, yaw), abs=1e-6)
+    assert observed(roll_deg, pitch_deg, yaw_deg) == pytest.approx((roll, pitch, yaw), abs=1e-6)
     for reference in (HORIZON, EARTH):
         order = ARDUPILOT.turning(angles, reference)
         assert (order.id, order.params[6]) == (PITCH_YAW, 1.0)
         (pitch_deg, yaw_deg), flags = order.params[:2], int(order.params[4])
-        assert seen(0.0, pitch_deg, yaw_deg, flags, reference) == pytest.approx((0.0, pitch, yaw), abs=1e-6)
+        assert observed(0.0, pitch_deg, yaw_deg, flags, reference) == pytest.approx((0.0, pitch, yaw), abs=1e-6)
 
 
-def seen(
+def observed(
     roll_deg: float, pitch_deg: float, yaw_deg: float, flags: int = 0, reference: GimbalReference = HORIZON
 ) -> tuple[float, ...]:
     """The angles that a device says that does as it is told."""

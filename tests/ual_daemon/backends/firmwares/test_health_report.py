@@ -9,7 +9,7 @@ def failing(health: HealthReport, now_s: float, *, is_ready: bool) -> tuple[str,
     return health.report(now_s, is_ready, 0, lambda: 0.0).failing_checks
 
 
-def test_a_check_that_fails_is_told_before_its_status_comes() -> None:
+def test_a_check_that_fails_is_reported_before_its_status_comes() -> None:
     """ArduPilot: the text came 0.2 s before the SYS_STATUS, and was taken for an old one (campaign, 13400017)."""
     health = HealthReport()
     health.on_text("PreArm: Battery 1 low voltage failsafe", 10.0)

@@ -26,7 +26,7 @@ def test_a_home_that_is_corrected_step_by_step_is_logged_once_for_each_half_metr
     assert [record.message.split()[0] for record in caplog.records] == ["home_moved"] * 3
 
 
-def test_a_home_that_goes_back_and_forth_is_logged_once_each_way_and_one_that_is_set_far_off_each_time(
+def test_a_home_that_goes_back_and_forth_is_logged_once_each_path_and_one_that_is_set_far_off_each_time(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     """A real PX4 1.17 moved its home by 1.2 m some 40 times in half a minute, and nothing else was seen in the log."""

@@ -161,7 +161,7 @@ def test_px4_takes_no_heading_for_a_waypoint_that_has_none() -> None:
     assert PX4.difference([sent], [sent._replace(param4=0.0)]) == "item 1 has param4 0 instead of nan"
 
 
-def test_the_take_off_of_px4_is_where_it_stands_unless_it_has_a_place() -> None:
+def test_the_take_off_of_px4_is_where_it_stands_unless_it_has_a_position() -> None:
     [sent] = PX4.encode([TakeOff(10.0)], HERE)
     assert (sent.x, sent.y, sent.z) == (473977000, 85456000, 10.0)
     [sent] = PX4.encode([TakeOff(10.0, AMSL, 47.0, 8.0)], None)
@@ -204,7 +204,7 @@ def test_a_heading_with_a_hold_after_it_is_executed_by_ardupilot() -> None:
     assert COPTER.encode(items, HERE)[2].param1 == pytest.approx(90.0)
 
 
-def test_what_a_mission_of_ual_has_not_is_told_and_not_left_out() -> None:
+def test_what_a_mission_of_ual_has_not_is_reported_and_not_left_out() -> None:
     found = [MissionItem(3, 82, x=471000000, y=81000000, z=20.0), MissionItem(2, 205, -90.0)]
     assert PX4.decode(found) == [
         OtherItem(82, "it has a spline, which a mission of UAL has not (MAVLink command 82): delete it"),
@@ -218,7 +218,7 @@ def test_an_autopilot_without_a_mission_has_no_items() -> None:
     assert PX4.decode([]) == []
 
 
-def test_what_arducopter_keeps_without_an_altitude_or_a_place_is_no_item_of_ours() -> None:
+def test_what_arducopter_keeps_without_an_altitude_or_a_position_is_no_item_of_ours() -> None:
     home, first = MissionItem(0, 16), MissionItem(3, 16, x=471000000, y=81000000, z=20.0)
     without = [first._replace(z=0.0), first._replace(x=0, y=0), MissionItem(3, 21)]
     found = COPTER.decode([home, first, *without])

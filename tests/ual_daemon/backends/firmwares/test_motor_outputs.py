@@ -84,7 +84,7 @@ def test_reports_from_before_the_take_off_say_nothing_of_it(*, is_armed: bool, l
     assert watch.hear(STAND, 1) is None
 
 
-def test_a_text_that_was_lost_is_told_by_the_outputs_that_come_after_it() -> None:
+def test_a_text_that_was_lost_is_reported_by_the_outputs_that_come_after_it() -> None:
     watch = Watch()
     watch.causes.on_text("RC7: MotorEStop HIGH", watch.now_s)
     assert watch.failsafe is Cause.TERMINATION
@@ -95,7 +95,7 @@ def test_a_text_that_was_lost_is_told_by_the_outputs_that_come_after_it() -> Non
     assert watch.hear(STAND) is Cause.TERMINATION
 
 
-def test_what_was_heard_long_ago_says_nothing() -> None:
+def test_what_was_received_long_ago_says_nothing() -> None:
     motors, quad = MotorOutputs(), MotorChannels(frozenset({0}), 1000.0)
     motors.on_pulses([1000], quad, 0.0)
     assert motors.stand(0.1) is None

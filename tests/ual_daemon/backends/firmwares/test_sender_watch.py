@@ -30,7 +30,7 @@ def another(now_s: float, said_s: float) -> str:
     return watch.another(now_s, armed, Sample(Px4().mode(OFFBOARD), said_s), landed)
 
 
-def test_an_autopilot_that_is_not_heard_shows_no_other_sender() -> None:
+def test_an_autopilot_that_is_not_received_shows_no_other_sender() -> None:
     assert another(now_s=60.0, said_s=1.5) == ""
 
 
@@ -38,7 +38,7 @@ def test_an_autopilot_that_stays_in_its_mode_without_our_setpoints_gets_those_of
     assert another(now_s=1.2 + QUIET_S, said_s=1.1 + QUIET_S).startswith("another program sends setpoints")
 
 
-def flown_again(goes_on_s: float, target_m: float) -> str:
+def repeated(goes_on_s: float, target_m: float) -> str:
     """Returns the sign of another sender to an ArduPilot that was heard until 5 s, and from 17 s on for `goes_on_s`.
 
     We sent positions until 6 s, and send again from 18 s on. The autopilot tells an old target, and from 17.5 s on one
@@ -62,11 +62,11 @@ def flown_again(goes_on_s: float, target_m: float) -> str:
 
 
 def test_our_own_setpoints_that_a_link_tells_late_are_nobody_elses() -> None:
-    assert flown_again(goes_on_s=3.5, target_m=6.0) == ""
+    assert repeated(goes_on_s=3.5, target_m=6.0) == ""
 
 
 def test_another_sender_is_named_once_what_a_silence_left_behind_is_past() -> None:
-    assert flown_again(goes_on_s=QUIET_S + 2.0, target_m=60.0).startswith("another program sends setpoints")
+    assert repeated(goes_on_s=QUIET_S + 2.0, target_m=60.0).startswith("another program sends setpoints")
 
 
 def test_a_mode_that_a_link_tells_late_is_nobody_elses_either() -> None:

@@ -62,7 +62,7 @@ def is_about(colour: Any, wanted: tuple[float, ...]) -> bool:
 
 @pytest.mark.parametrize("yaw_rad", [0.0, 0.7, -2.0])
 @pytest.mark.parametrize("pitch_rad", [math.pi / 2.0, 0.8])
-def test_what_lies_at_a_place_is_seen_where_the_intrinsics_say(yaw_rad: float, pitch_rad: float) -> None:
+def test_what_lies_at_a_position_is_observed_where_the_intrinsics_say(yaw_rad: float, pitch_rad: float) -> None:
     pose = Pose(Vector3(-0.4, 0.3, 3.0), Quaternion.from_euler(0.0, pitch_rad, yaw_rad))
     cells = tuple(tuple(each == "1" for each in row) for row in ARUCO_0)
     ahead = pose.orientation.rotate(Vector3(1.0))
@@ -92,7 +92,7 @@ def test_the_axes_are_on_the_ground_and_the_sky_above_the_horizon() -> None:
     assert is_about(level[-1, 10], painting.GROUND) or is_about(level[-1, 10], painting.LINE)
 
 
-def test_noise_is_the_same_for_a_seed_and_as_large_as_said() -> None:
+def test_noise_is_the_same_for_a_seed_and_as_large_as_reported() -> None:
     pose = Pose(Vector3(0.5, 0.5, 1.0), DOWN)
     clear, noisy = picture(pose), picture(pose, noise=5.0, seed=3)
     assert 4.5 < float((noisy - clear).std()) < 5.5
@@ -106,7 +106,7 @@ def test_a_camera_that_lies_on_the_ground_sees_something() -> None:
 
 
 @pytest.mark.parametrize("pitch_rad", [math.pi / 2.0, 0.8, 0.0, -0.3])
-def test_how_far_the_ground_is_is_told_for_each_pixel_and_infinity_for_the_sky(pitch_rad: float) -> None:
+def test_how_far_the_ground_is_is_reported_for_each_pixel_and_infinity_for_the_sky(pitch_rad: float) -> None:
     pose = Pose(Vector3(-0.4, 0.3, 3.0), Quaternion.from_euler(0.1, pitch_rad, 0.5))
     depth, far = (measure(pose, VIEW, PaintedScene(1.0)) for measure in (painting.depths, painting.ranges))
     for row in range(0, VIEW.height_px, 10):
@@ -315,7 +315,7 @@ def test_only_so_many_pictures_wait_and_closing_ends_them(monkeypatch: pytest.Mo
         found.image(None).result(0)
 
 
-def test_a_process_that_ends_is_told_and_replaced() -> None:
+def test_a_process_that_ends_is_reported_and_replaced() -> None:
     order = PaintOrder(Pose(Vector3(0.0, 0.0, 2.0), DOWN), CameraIntrinsics.of_view(8, 6, 1.2), PaintedScene(0.0))
     painter = Painter()
     try:
@@ -349,7 +349,7 @@ def test_a_process_that_stops_is_not_waited_for_without_end(monkeypatch: pytest.
         easel.close()
 
 
-def test_the_process_gives_way_from_its_begin_on(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_process_yields_from_its_begin_on(monkeypatch: pytest.MonkeyPatch) -> None:
     """Also while it imports, with which it begins."""
     monkeypatch.setattr(painter, "_NICENESS", 10)  # as it is outside of tests
     easel = painter._Easel()
@@ -376,7 +376,7 @@ def test_markers_must_be_squares() -> None:
     assert convert({}, LightCameraSettings).markers == ()
 
 
-def test_the_estimate_is_told_and_the_truth_is_painted() -> None:
+def test_the_estimate_is_reported_and_the_truth_is_painted() -> None:
     clear, noisy = Drone(cameras=[small()]), Drone(cameras=[small()], position_noise_m=0.5, seed=4)
     for drone in (clear, noisy):
         drone.sim.place_on_ground(Vector3(0.5, 0.5, 0.0), 0.0)
@@ -385,7 +385,7 @@ def test_the_estimate_is_told_and_the_truth_is_painted() -> None:
     assert images[0].viewpoint.body != images[1].viewpoint.body
 
 
-def test_a_setpoint_by_position_moves_what_is_seen() -> None:
+def test_a_setpoint_by_position_moves_what_is_observed() -> None:
     drone = Drone(cameras=[small()])
     drone.fly(2.0)
     found = camera_of(drone)

@@ -83,7 +83,7 @@ def test_it_is_free_until_its_control_is_taken() -> None:
 
 
 @given(first=ANGLES, second=ANGLES, passed_s=st.floats(0.0, 10.0))
-def test_an_axis_without_an_end_takes_the_shorter_way(first: float, second: float, passed_s: float) -> None:
+def test_an_axis_without_an_end_takes_the_shorter_path(first: float, second: float, passed_s: float) -> None:
     bench = Bench(speed_rad_s=0.3)
     bench.gimbal.set_angles(GimbalAngles(yaw_rad=first), HORIZON)
     bench.after(100.0)
@@ -112,7 +112,7 @@ def closed_drones() -> Iterator[None]:
         Drone.opened.pop().backend.close()
 
 
-def test_a_camera_on_a_gimbal_looks_where_that_looks() -> None:
+def test_a_camera_on_a_gimbal_points_where_that_points() -> None:
     """Also where a picture is painted later than it was taken."""
     camera_on_it = {
         "gimbal": 0,
@@ -142,7 +142,7 @@ def test_a_camera_on_a_gimbal_looks_where_that_looks() -> None:
     assert images[0].data != images[1].data
 
 
-def test_while_its_link_is_lost_nothing_is_told_and_it_goes_on_turning() -> None:
+def test_while_its_link_is_lost_nothing_is_reported_and_it_goes_on_turning() -> None:
     drone = Drone(gimbals=[{"speed_rad_s": 0.5}])
     gimbal = drone.backend._gimbals.gimbals[0]
     gimbal.set_angles(GimbalAngles(0.0, 1.0), HORIZON).result(0)

@@ -24,7 +24,7 @@ class Bench:
         self.carried.order_winch(1, WinchOrder(action, length_m, rate_m_s)).result(0)
 
     @property
-    def line(self) -> WinchStatus:
+    def row(self) -> WinchStatus:
         return self.carried.winch_status(1).result(0)
 
     def state(self) -> GripperState:
@@ -52,17 +52,17 @@ def test_a_gripper_takes_its_time(bench: Bench) -> None:
 
 
 def test_a_winch_moves_a_length_and_stays(bench: Bench) -> None:
-    assert bench.line.is_fully_retracted
+    assert bench.row.is_fully_retracted
     bench.winch(WinchAction.LENGTH, 2.0, 0.5)
     bench.now_s += 1.0
-    assert bench.line.length_m == pytest.approx(0.5)
-    assert bench.line.speed_m_s == 0.5
-    assert bench.line.is_moving
+    assert bench.row.length_m == pytest.approx(0.5)
+    assert bench.row.speed_m_s == 0.5
+    assert bench.row.is_moving
     bench.now_s += 10.0
-    assert (bench.line.length_m, bench.line.speed_m_s) == (2.0, 0.0)
+    assert (bench.row.length_m, bench.row.speed_m_s) == (2.0, 0.0)
     bench.winch(WinchAction.LENGTH, -5.0)
     bench.now_s += 10.0
-    assert bench.line.length_m == 0.0
+    assert bench.row.length_m == 0.0
 
 
 def test_a_winch_runs_at_a_rate_until_it_is_stopped_or_at_its_end(bench: Bench) -> None:
@@ -70,16 +70,16 @@ def test_a_winch_runs_at_a_rate_until_it_is_stopped_or_at_its_end(bench: Bench) 
     bench.now_s += 3.0
     bench.winch(WinchAction.RATE, rate_m_s=0.0)
     bench.now_s += 3.0
-    assert bench.line.length_m == pytest.approx(3.0)
+    assert bench.row.length_m == pytest.approx(3.0)
     bench.winch(WinchAction.RATE, rate_m_s=-0.5)
     bench.now_s += 2.0
     bench.winch(WinchAction.HOLD)
     bench.now_s += 2.0
-    assert bench.line.length_m == pytest.approx(2.0)
+    assert bench.row.length_m == pytest.approx(2.0)
     bench.winch(WinchAction.RELAX)
-    assert bench.line.is_clutch_engaged
+    assert bench.row.is_clutch_engaged
     bench.now_s += LINE_M / FALL_M_S
-    assert bench.line.length_m == LINE_M
+    assert bench.row.length_m == LINE_M
 
 
 def test_a_winch_locks_only_what_is_taken_in(bench: Bench) -> None:
@@ -90,7 +90,7 @@ def test_a_winch_locks_only_what_is_taken_in(bench: Bench) -> None:
     bench.winch(WinchAction.RETRACT)
     bench.now_s += 2.0
     bench.winch(WinchAction.LOCK)
-    assert bench.line.is_fully_retracted
+    assert bench.row.is_fully_retracted
     with pytest.raises(NotSupportedError, match="cannot DELIVER; it can RELAX"):
         bench.winch(WinchAction.DELIVER)
 
@@ -107,7 +107,7 @@ def test_a_servo_turns_and_a_relay_switches(bench: Bench) -> None:
     assert bench.carried.relay_is_on(2).result(0) is False
 
 
-def test_nothing_is_obeyed_or_told_without_a_link(bench: Bench) -> None:
+def test_nothing_is_obeyed_or_reported_without_a_link(bench: Bench) -> None:
     bench.is_link_lost = True
     for future in (bench.carried.release(1), bench.carried.gripper_state(1), bench.carried.set_relay(1, is_on=True)):
         with pytest.raises(LinkLostError):
@@ -117,16 +117,16 @@ def test_nothing_is_obeyed_or_told_without_a_link(bench: Bench) -> None:
 
 
 @given(st.lists(st.tuples(st.floats(-1e3, 1e3), st.floats(0.01, 20.0), st.floats(0.0, 100.0)), max_size=8))
-def test_a_line_is_never_longer_than_it_is_nor_faster_than_ordered(
+def test_a_row_is_never_longer_than_it_is_nor_faster_than_ordered(
     orders: list[tuple[float, float, float]],
 ) -> None:
     bench = Bench()
     for length_m, rate_m_s, after_s in orders:
-        before_m = bench.line.length_m
+        before_m = bench.row.length_m
         bench.winch(WinchAction.LENGTH, length_m, rate_m_s)
-        assert bench.line.length_m == before_m
+        assert bench.row.length_m == before_m
         bench.now_s += after_s
-        now_m = bench.line.length_m
+        now_m = bench.row.length_m
         assert before_m is not None
         assert now_m is not None
         assert 0.0 <= now_m <= LINE_M

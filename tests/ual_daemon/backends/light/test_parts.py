@@ -26,7 +26,7 @@ class Windy(Simulation):
         self.wind = velocity_m_s
 
 
-def test_a_part_that_is_not_offered_is_refused_and_named() -> None:
+def test_a_part_that_is_not_available_is_refused_and_named() -> None:
     windy = Windy()
     windy.set_wind(Vector3(1.0, 0.0, 0.0))
     for part, act in (
@@ -79,6 +79,6 @@ def test_a_flight_ends(uav: UAL) -> None:
     assert uav.pose().pose.position == Vector3(1.0, 1.0, 0.0)
 
 
-def test_a_place_that_is_none_is_refused(uav: UAL) -> None:
+def test_a_position_that_is_none_is_refused(uav: UAL) -> None:
     with pytest.raises(InvalidArgumentError, match=r"position\.x"):
         uav.simulation.place_on_ground(Vector3(float("nan"), 0.0, 0.0))

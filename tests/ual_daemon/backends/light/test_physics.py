@@ -40,7 +40,7 @@ SETPOINTS: st.SearchStrategy[Setpoint] = st.builds(
         response_s=st.floats(0.05, 2.0),
     ),
 )
-def test_whatever_is_asked_the_limits_are_held(asked: list[Setpoint], limits: dict[str, Any]) -> None:
+def test_whatever_is_queried_the_limits_are_held(asked: list[Setpoint], limits: dict[str, Any]) -> None:
     drone = Drone(**limits)
     drone.fly(2.0)
     before = drone.true("velocity")
@@ -167,7 +167,7 @@ def test_it_comes_down_with_the_landing_speed() -> None:
     assert drone.twist.linear.z == pytest.approx(-0.4, abs=0.01)
 
 
-def test_armed_but_never_flown_it_stays_armed() -> None:
+def test_armed_but_never_controlled_it_stays_armed() -> None:
     drone = Drone()
     drone.sim.pilot_arm()
     drone.run(60.0)
@@ -258,7 +258,7 @@ def test_it_refuses_what_an_autopilot_would() -> None:
     assert drone.armed
 
 
-def test_a_refusal_of_the_pilot_is_told_him() -> None:
+def test_a_refusal_of_the_pilot_is_reported_to_the_pilot() -> None:
     drone = Drone()
     drone.fly()
     with pytest.raises(RejectedByAutopilotError, match="Disarm: not landed"):
@@ -381,7 +381,7 @@ def noisy_positions(seed: int, reads: int = 1) -> list[Vector3]:
     return positions
 
 
-def test_noise_is_as_large_as_asked_and_only_in_what_is_said() -> None:
+def test_noise_is_as_large_as_queried_and_only_in_what_is_reported() -> None:
     drone = Drone(position_noise_m=0.1, velocity_noise_m_s=0.05)
     drone.run(40.0)
     positions = np.array([tuple(s.motion.pose.value.position) for s in drone.snapshots if s.motion.pose])

@@ -195,7 +195,7 @@ def flight(uav: Stepped) -> None:
     uav.run(5.0)
 
 
-def told(seed: int) -> list[Telemetry]:
+def reported(seed: int) -> list[Telemetry]:
     """Everything that a flight tells, but what is from outside its world: wall-clock stamps and the names of tasks."""
     light = {"position_noise_m": 0.02, "velocity_noise_m_s": 0.01, "seed": seed, "wind_m_s": [1.0, 0.5, 0.0]}
     with stepped(light=light) as uav:
@@ -204,7 +204,7 @@ def told(seed: int) -> list[Telemetry]:
 
 
 def test_two_flights_in_stepped_time_are_the_same_to_the_last_bit() -> None:
-    first, second, other = told(seed=7), told(seed=7), told(seed=8)
+    first, second, other = reported(seed=7), reported(seed=7), reported(seed=8)
     assert len(first) > 1000
     assert first == second
     assert first != other
@@ -422,7 +422,7 @@ def test_an_update_that_fails_ends_neither_the_world_nor_the_updates_of_others(
 # --- Time that falls behind -------------------------------------------------------------------------------------------
 
 
-def test_time_that_falls_behind_is_told_once_per_doubling_and_in_health(caplog: pytest.LogCaptureFixture) -> None:
+def test_time_that_falls_behind_is_reported_once_per_doubling_and_in_health(caplog: pytest.LogCaptureFixture) -> None:
     world = World(0.0)
     backend = LightBackend(BackendOptions("uav_1"), world)
     epoch_s = world.epoch_s

@@ -89,7 +89,9 @@ def test_arming_in_the_mode_of_take_offs_starts_nothing(px4: Flight) -> None:
     assert stays_on_ground(px4, since_s)
 
 
-def test_arming_waits_until_the_mode_is_seen_to_have_been_left(px4: Flight, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_arming_waits_until_the_mode_is_observed_to_have_been_left(
+    px4: Flight, monkeypatch: pytest.MonkeyPatch
+) -> None:
     stand_in_take_off(px4)
     since_s = px4.now_s
     autopilot = px4_of(px4)
@@ -138,7 +140,7 @@ def test_the_automatic_arming_does_not_arm_in_such_a_mode(flight: Flight) -> Non
     assert not flight.autopilot.is_armed
 
 
-def test_what_anothers_arming_starts_is_told_as_theirs_and_left_alone(flight: Flight) -> None:
+def test_what_anothers_arming_starts_is_reported_as_theirs_and_left_alone(flight: Flight) -> None:
     land_a_mission(flight)
     flight.let_pass(1.0)
     armed_s = arm_by_others(flight)
@@ -210,10 +212,10 @@ def test_the_flight_that_our_arming_has_started_is_aborted(px4: Flight, at: Stat
     px4.wait_for_state(State.FLYING_AUTO)
     assert px4_of(px4).mode == OFFBOARD
     px4.let_pass(4.0)  # it comes to rest
-    place = px4.autopilot.place
+    place = px4.autopilot.current_position
     px4.let_pass(4.0)
     assert px4.uav.state() is State.FLYING_AUTO
-    assert math.dist(px4.autopilot.place, place) < 0.3
+    assert math.dist(px4.autopilot.current_position, place) < 0.3
     px4.land()
 
 
@@ -268,7 +270,7 @@ def test_an_abort_in_the_moment_in_which_the_pilot_takes_it_is_refused(
     assert px4_of(px4).mode == POSCTL
 
 
-def test_a_mission_of_ours_is_not_told_as_selected_by_others(flight: Flight) -> None:
+def test_a_mission_of_ours_is_not_reported_as_selected_by_others(flight: Flight) -> None:
     since_s = flight.now_s
     land_a_mission(flight)
     reasons = [telemetry.state_reason for time_s, telemetry in flight.seen if time_s >= since_s]

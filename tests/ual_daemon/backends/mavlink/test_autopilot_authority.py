@@ -102,7 +102,7 @@ def test_the_first_command_takes_the_flight(flight: Flight) -> None:
     flight.land()
 
 
-def test_another_sender_beside_ours_is_noticed_and_named() -> None:
+def test_another_sender_next_to_ours_is_noticed_and_named() -> None:
     flight = Flight("ardupilot")
     try:
         flight.take_off()
@@ -199,7 +199,7 @@ def test_a_landing_by_hand_without_gps_leaves_the_ground_to_the_pilot(flight: Fl
         flight.uav.take_off(HEIGHT_M)
 
 
-def test_a_landing_by_hand_that_nobody_heard_leaves_the_ground_to_the_pilot(flight: Flight) -> None:
+def test_a_landing_by_hand_that_nobody_listened_leaves_the_ground_to_the_pilot(flight: Flight) -> None:
     flight.take_off()
     flight.link.down = flight.link.up = SILENT
     land_by_hand(flight)
@@ -220,7 +220,7 @@ def climb_unheard(flight: Flight) -> None:
     flight.let_pass(1.5)
 
 
-def test_a_climb_that_the_pilot_ended_while_nobody_heard_leaves_the_ground_to_the_pilot(flight: Flight) -> None:
+def test_a_climb_that_the_pilot_ended_while_nobody_listened_leaves_the_ground_to_the_pilot(flight: Flight) -> None:
     climb_unheard(flight)
     land_by_hand(flight)
     flight.link.down = flight.link.up = GOOD
@@ -389,7 +389,7 @@ def test_a_mode_of_the_autopilot_is_the_pilots_by_the_switch_and_else_the_ground
         flight.uav.close()
 
 
-def test_a_ground_station_that_ends_a_landing_by_guided_is_told_as_others_and_the_state_as_it_is() -> None:
+def test_a_ground_station_that_ends_a_landing_by_guided_is_reported_as_others_and_the_state_as_it_is() -> None:
     """It was told as FLYING_MANUAL with the advice to recover, which is refused, and as a flight without commands."""
     flight = Flight("ardupilot")
     try:
@@ -413,7 +413,7 @@ def test_a_ground_station_that_ends_a_landing_by_guided_is_told_as_others_and_th
         flight.uav.close()
 
 
-def test_a_ground_stations_return_that_lands_at_once_is_told_as_a_landing() -> None:
+def test_a_ground_stations_return_that_lands_at_once_is_reported_as_a_landing() -> None:
     """Above its home, PX4's AUTO.RTL lands at once. The error advised to recover, which is refused in a landing."""
     flight = Flight("px4")
     try:

@@ -14,9 +14,15 @@ import pytest
 
 from tests.simulators import ArduPilot, Faults
 from tests.simulators.mission_store import FENCE, MISSION, RALLY
-from tests.ual_daemon.backends.mavlink.test_autopilot_fence_upload import field, place
+from tests.ual_daemon.backends.mavlink.test_autopilot_fence_upload import current_position, field
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
-from tests.ual_daemon.backends.mavlink.test_autopilot_own_missions import at, box, landing, stand_armed, wait_for_place
+from tests.ual_daemon.backends.mavlink.test_autopilot_own_missions import (
+    at,
+    box,
+    landing,
+    stand_armed,
+    wait_for_position,
+)
 from ual.errors import RejectedByAutopilotError, UalError, WrongStateError
 from ual.fences import FencePlan, FenceZone, RallyPoint
 from ual.missions import Item, TakeOff
@@ -81,7 +87,7 @@ def make(tmp_path: Path) -> Iterator[Callable[[str], KeptFlight]]:
         flight = KeptFlight(kind, tmp_path)
         flights.append(flight)
         flight.wait_for_state(State.LANDED_DISARMED)
-        wait_for_place(flight)
+        wait_for_position(flight)
         return flight
 
     yield made
@@ -151,7 +157,7 @@ def test_a_fence_whose_rally_points_were_cut_off_is_not_enabled(
     make: Callable[[str], KeptFlight], kind: str, by: str
 ) -> None:
     flight = make(kind)
-    points = tuple(RallyPoint(*place(flight, 5.0 * index, 5.0), 20) for index in range(4))
+    points = tuple(RallyPoint(*current_position(flight, 5.0 * index, 5.0), 20) for index in range(4))
     plan = FencePlan((field(flight),), points)
 
     def begin() -> Future[Any]:
@@ -162,7 +168,7 @@ def test_a_fence_whose_rally_points_were_cut_off_is_not_enabled(
     if by == "autopilot":
         flight.wait_for(ended.done, "the end of the upload")
     flight.wait_for_state(State.LANDED_DISARMED)
-    wait_for_place(flight)
+    wait_for_position(flight)
     if by == "client":  # those that had come are removed, and PX4 had none
         flight.wait_for(lambda: not flight.autopilot.missions.lists[RALLY], "the removal")
     flight.wait_for(lambda: is_over(flight), "the end")
@@ -174,7 +180,7 @@ def test_a_fence_whose_rally_points_were_cut_off_is_not_enabled(
             flight.uav.fence.enable()
         flight.restart()
         flight.wait_for_state(State.LANDED_DISARMED)
-        wait_for_place(flight)
+        wait_for_position(flight)
         with pytest.raises(WrongStateError, match="upload the rally points again"):
             flight.uav.fence.enable()
     kept_fence = flight.uav.fence.upload(plan, replace=True)
@@ -186,7 +192,7 @@ def test_a_fence_that_was_cut_off_is_not_enabled_by_the_next_daemon(
     make: Callable[[str], KeptFlight], kind: str
 ) -> None:
     flight = make(kind)
-    corners = [place(flight, 40.0 * math.cos(turn), 40.0 * math.sin(turn)) for turn in range(6)]
+    corners = [current_position(flight, 40.0 * math.cos(turn), 40.0 * math.sin(turn)) for turn in range(6)]
     plan = FencePlan((FenceZone(True, tuple(corners)),))
 
     def begin() -> Future[Any]:
@@ -195,7 +201,7 @@ def test_a_fence_that_was_cut_off_is_not_enabled_by_the_next_daemon(
 
     flight.cut(begin, FENCE, 2, "daemon")
     flight.wait_for_state(State.LANDED_DISARMED)
-    wait_for_place(flight)
+    wait_for_position(flight)
     with pytest.raises(WrongStateError, match="upload the fence again"):
         flight.uav.fence.enable()
     flight.uav.fence.clear()
@@ -207,7 +213,7 @@ def test_what_is_refused_before_anything_is_sent_leaves_no_entry(
 ) -> None:
     flight = make("ardupilot")
     stand_armed(flight)
-    plan = FencePlan((field(flight),), (RallyPoint(*place(flight, 5.0, 5.0), 20),))
+    plan = FencePlan((field(flight),), (RallyPoint(*current_position(flight, 5.0, 5.0), 20),))
     for refused in (partial(flight.uav.fence.upload, plan), partial(flight.uav.fence.clear, with_rally_points=True)):
         with pytest.raises(WrongStateError, match="the UAV is armed"):
             refused()
@@ -275,7 +281,9 @@ def test_a_file_that_is_none_is_ignored(make: Callable[[str], KeptFlight], tmp_p
         flight.uav.mission.start()
 
 
-def test_an_autopilot_that_boots_again_and_again_is_not_said_to_have_no_room(make: Callable[[str], KeptFlight]) -> None:
+def test_an_autopilot_that_boots_again_and_again_is_not_reported_to_have_no_room(
+    make: Callable[[str], KeptFlight],
+) -> None:
     flight = make("ardupilot")
     store, items = flight.autopilot.missions, circle(flight)
 

@@ -137,7 +137,7 @@ def test_health_follows_the_link(vehicle: Vehicle, start_daemon: StartDaemon) ->
     until(lambda: is_health(SERVING), "SERVING again")
 
 
-def test_a_half_open_connection_is_given_up_and_made_anew(start_daemon: StartDaemon) -> None:
+def test_a_half_open_connection_is_abandoned_and_made_anew(start_daemon: StartDaemon) -> None:
     vehicle = vehicle_of("ardupilot")
     assert isinstance(vehicle.port, TcpPort)
     with flying(vehicle.autopilot):

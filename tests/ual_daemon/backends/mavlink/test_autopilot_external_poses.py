@@ -47,7 +47,7 @@ class MotionCapture:
 
 
 def true_pose(autopilot: Autopilot) -> Pose:
-    return Pose(ned_to_enu(*autopilot.place), Quaternion.from_yaw(enu_to_ned_yaw(autopilot.body.yaw_rad)))
+    return Pose(ned_to_enu(*autopilot.current_position), Quaternion.from_yaw(enu_to_ned_yaw(autopilot.body.yaw_rad)))
 
 
 class OutdoorFlight(Flight):

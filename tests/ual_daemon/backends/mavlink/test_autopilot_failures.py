@@ -80,7 +80,7 @@ def stream(flight: Flight) -> None:
 
 @pytest.mark.parametrize("how", FALLS)
 @pytest.mark.parametrize("what", ["hold", "go_to", "mission", "land"])
-def test_a_fall_is_told_within_a_second_and_nothing_climbs_when_its_cause_ends(
+def test_a_fall_is_reported_within_a_second_and_nothing_climbs_when_its_cause_ends(
     flight: Flight, what: str, how: str
 ) -> None:
     climb(flight)
@@ -238,7 +238,7 @@ def test_another_sender_is_named_within_a_second_by_the_target_that_the_autopilo
 
 
 @pytest.mark.parametrize("what", ["hold", "go_to", "velocity"])
-def test_another_sender_of_setpoints_is_told_within_a_second_of_the_way_that_it_drags(
+def test_another_sender_of_setpoints_is_reported_within_a_second_of_the_path_that_it_drags(
     flight: Flight, what: str
 ) -> None:
     climb(flight)

@@ -171,7 +171,7 @@ def test_a_velocity_towards_a_zone_stops_before_it(zoned: Flight) -> None:
     flight.land()
 
 
-def test_a_zone_that_comes_into_the_way_stops_the_flight(zoned: Flight) -> None:
+def test_a_zone_that_comes_into_the_path_stops_the_flight(zoned: Flight) -> None:
     flight = zoned
     task = beyond_a_new_zone(flight)
     with pytest.raises(GeofenceError, match=r"the way to .* leads beyond the autopilot's own fence"):
@@ -299,7 +299,7 @@ def test_a_breach_all_the_same_is_named_by_the_task(flight: Flight) -> None:
     assert caught.value.metadata["by"] == "fence"
 
 
-def test_a_smaller_fence_that_is_told_ends_the_task_before_the_breach(flight: Flight) -> None:
+def test_a_smaller_fence_that_is_reported_ends_the_task_before_the_breach(flight: Flight) -> None:
     if not isinstance(flight.autopilot, ArduPilot):
         pytest.skip("the simulated PX4 does not apply its distances")
     flight.take_off()
@@ -376,7 +376,7 @@ def test_a_go_to_leads_back_into_a_fence_that_drops_positions_beyond_it(copter: 
     copter.land()
 
 
-def test_the_way_home_begins_beyond_a_fence_that_drops_positions_there(copter: Flight) -> None:
+def test_the_return_path_begins_beyond_a_fence_that_drops_positions_there(copter: Flight) -> None:
     begin = beyond_its_new_fence(copter)
     copter.uav.return_to_launch()
     assert from_m(copter, begin) < 0.6

@@ -44,21 +44,21 @@ def start() -> Iterator[Fly]:
         flight.uav.close()
 
 
-def place(flight: Flight, north_m: float, east_m: float) -> tuple[float, float]:
+def current_position(flight: Flight, north_m: float, east_m: float) -> tuple[float, float]:
     latitude, longitude, _ = flight.autopilot.geo((north_m, east_m, 0.0))
     return latitude / 1e7, longitude / 1e7
 
 
 def field(flight: Flight, half_m: float = 30.0) -> FenceZone:
     corners = ((-half_m, -half_m), (half_m, -half_m), (half_m, half_m), (-half_m, half_m))
-    return FenceZone(True, tuple(place(flight, *each) for each in corners))
+    return FenceZone(True, tuple(current_position(flight, *each) for each in corners))
 
 
 def plan(flight: Flight) -> FencePlan:
-    pond = FenceZone(False, (place(flight, 15.0, 0.0),), 5.0)
+    pond = FenceZone(False, (current_position(flight, 15.0, 0.0),), 5.0)
     points = (
-        RallyPoint(*place(flight, 5.0, 5.0), 20),
-        RallyPoint(*place(flight, -5.0, 5.0), 520, AltitudeReference.AMSL),
+        RallyPoint(*current_position(flight, 5.0, 5.0), 20),
+        RallyPoint(*current_position(flight, -5.0, 5.0), 520, AltitudeReference.AMSL),
     )
     return FencePlan((field(flight), pond), points)
 
@@ -99,13 +99,13 @@ def test_what_is_uploaded_is_kept_applied_and_respected_by_ual(start: Fly, kind:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_the_configured_polygon_is_uploaded_where_none_is_given(start: Fly, kind: str) -> None:
+def test_the_configured_polygon_is_uploaded_where_none_is_passed(start: Fly, kind: str) -> None:
     corners = ((-20.0, -20.0), (40.0, -20.0), (40.0, 20.0), (-20.0, 20.0))
     flight = start(kind, VehicleSettings(geofence=GeofenceSettings(polygon=corners)))
     [zone] = flight.uav.fence.upload().zones
     assert zone.is_inclusion
     for (x_m, y_m), (latitude_deg, longitude_deg) in zip(corners, zone.points, strict=True):
-        assert (latitude_deg, longitude_deg) == pytest.approx(place(flight, y_m, x_m), abs=2e-7)  # x is east
+        assert (latitude_deg, longitude_deg) == pytest.approx(current_position(flight, y_m, x_m), abs=2e-7)  # x is east
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -120,9 +120,9 @@ def test_a_fence_is_whole_over_a_link_that_loses_a_fifth_and_doubles(start: Fly,
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_what_the_autopilot_refuses_is_said_and_what_it_had_stays(start: Fly, kind: str) -> None:
+def test_what_the_autopilot_refuses_is_reported_and_what_it_had_stays(start: Fly, kind: str) -> None:
     flight = start(kind)
-    many = FencePlan((field(flight), *(FenceZone(False, (place(flight, 25.0, 25.0),), 1.0),) * 100))
+    many = FencePlan((field(flight), *(FenceZone(False, (current_position(flight, 25.0, 25.0),), 1.0),) * 100))
     with pytest.raises(RejectedByAutopilotError, match="fence: the autopilot answers NO_SPACE"):
         flight.uav.fence.upload(many)
     assert flight.autopilot.missions.lists[FENCE] == []
@@ -132,25 +132,25 @@ def test_what_the_autopilot_refuses_is_said_and_what_it_had_stays(start: Fly, ki
         flight.uav.fence.get()
 
 
-def test_a_fence_of_ual_that_the_autopilot_lacks_is_said_once(start: Fly, caplog: pytest.LogCaptureFixture) -> None:
-    def said() -> int:
+def test_a_fence_of_ual_that_the_autopilot_lacks_is_reported_once(start: Fly, caplog: pytest.LogCaptureFixture) -> None:
+    def status_text() -> int:
         return [vars(each).get("ual_event") for each in caplog.records].count("autopilot_lacks_fence")
 
     configured = VehicleSettings(geofence=GeofenceSettings(polygon=((-20.0, -20.0), (40.0, -20.0), (40.0, 20.0))))
     with caplog.at_level(logging.WARNING):
         flight = start("px4", configured)
-        flight.wait_for(lambda: said() == 1, "what the autopilot lacks")
+        flight.wait_for(lambda: status_text() == 1, "what the autopilot lacks")
         flight.let_pass(3.0)
-        assert said() == 1
+        assert status_text() == 1
         caplog.clear()
         start("px4")  # without a geofence of its own
-    assert said() == 0
+    assert status_text() == 0
 
 
 @pytest.mark.parametrize("replace", [False, True])
 def test_ardupilots_point_to_return_to_is_shown_and_kept_until_all_is_removed(start: Fly, replace: bool) -> None:
     flight = start("ardupilot")
-    back = place(flight, 3.0, 4.0)
+    back = current_position(flight, 3.0, 4.0)
     point = MissionItem(0, mavlink.MAV_CMD_NAV_FENCE_RETURN_POINT, x=round(back[0] * 1e7), y=round(back[1] * 1e7))
     flight.autopilot.missions.keep(FENCE, [point])
     assert flight.uav.fence.get().return_point == back

@@ -174,7 +174,7 @@ def test_a_daemon_that_was_killed_in_flight_and_is_new_tells_the_truth_at_once(f
 
 
 @pytest.mark.parametrize("seed", range(2))
-def test_a_flight_is_flown_to_its_end_over_a_bad_link(kind: str, seed: int) -> None:
+def test_a_flight_is_completed_over_a_bad_link(kind: str, seed: int) -> None:
     flight = Flight(kind, seed)
     try:
         flight.link.down = flight.link.up = BAD
@@ -249,7 +249,7 @@ def test_without_satellites_it_is_uninitialized_and_says_why(flight: Flight) -> 
     flight.wait_for(lambda: not flight.autopilot.is_armed, "its landing by itself")
 
 
-def test_a_reboot_is_noticed_and_everything_asked_anew(flight: Flight) -> None:
+def test_a_reboot_is_noticed_and_everything_requested_anew(flight: Flight) -> None:
     flight.wait_for_state(State.LANDED_DISARMED)
     if isinstance(flight.autopilot, ArduPilot):
         flight.autopilot.settle_s = 4.0

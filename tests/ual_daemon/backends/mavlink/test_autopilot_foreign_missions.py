@@ -12,7 +12,7 @@ from tests.simulators import ArduPilot, Px4
 from tests.simulators.ardupilot import AUTO
 from tests.simulators.px4 import MISSION
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
-from tests.ual_daemon.backends.mavlink.test_autopilot_own_missions import FAR_M, at, keeping, landing, place_m, start
+from tests.ual_daemon.backends.mavlink.test_autopilot_own_missions import FAR_M, at, keeping, landing, position_m, start
 from ual.errors import TaskAbortedError, WrongStateError
 from ual.missions import Item
 from ual.types import State
@@ -42,7 +42,7 @@ def test_one_that_is_replaced_in_flight_ends_at_once(flight: Flight, count: int,
     """ArduPilot: it was told as ours, and SUCCEEDED with items unflown."""
     flight.take_off()
     task = flight.uav.task(start(flight, four(flight)))
-    flight.wait_for(lambda: place_m(flight)[0] > 5.0, "its way")
+    flight.wait_for(lambda: position_m(flight)[0] > 5.0, "its way")
     brought_s = bring(flight, count, changed)
     with pytest.raises(TaskAbortedError, match=REPLACED):
         task.wait(LIMIT_S)
@@ -56,7 +56,7 @@ def test_one_that_is_replaced_in_its_pause_ends_at_once(flight: Flight) -> None:
     """It was told only as it went on (campaign, ArduCopter 11300048: 1.4 s)."""
     flight.take_off()
     task = flight.uav.task(start(flight, four(flight)))
-    flight.wait_for(lambda: place_m(flight)[0] > 2.0, "its way")
+    flight.wait_for(lambda: position_m(flight)[0] > 2.0, "its way")
     flight.uav.mission.pause()
     flight.wait_for(lambda: "holds on our mission" in flight.uav.telemetry().state_reason, "its hold")
     brought_s = bring(flight, 5, (1,))
@@ -77,7 +77,7 @@ def test_one_whose_further_items_are_replaced_never_succeeds(flight: Flight, *, 
     way: list[Item] = [at(flight, 8.0 * step, 0) for step in range(1, 6)]
     end: Item = landing(flight, 40, 8) if is_landing else at(flight, 40, 8)
     task = flight.uav.task(start(flight, [*way, end]))
-    flight.wait_for(lambda: place_m(flight)[0] > 2.0, "its way")
+    flight.wait_for(lambda: position_m(flight)[0] > 2.0, "its way")
     items = flight.autopilot.missions.lists[0]
     flight.autopilot.station_uploads([*items[:-1], items[-1]._replace(x=items[-1].x + 100)])
     assert not flight.autopilot.said.startswith("Auto mission changed")
@@ -101,7 +101,7 @@ def test_one_that_is_replaced_as_it_is_started_ends(flight: Flight) -> None:
 def test_the_same_mission_that_is_brought_again_is_still_ours(flight: Flight) -> None:
     flight.take_off()
     task = flight.uav.task(start(flight, [at(flight, 12, 0), at(flight, 12, 12)]))
-    flight.wait_for(lambda: place_m(flight)[0] > 2.0, "its way")
+    flight.wait_for(lambda: position_m(flight)[0] > 2.0, "its way")
     bring(flight, 9)
     assert task.wait(LIMIT_S).status.name == "SUCCEEDED"
 
@@ -112,7 +112,7 @@ def test_one_in_which_another_station_jumps_over_items_does_not_succeed(flight: 
     flight.take_off()
     ways: list[Item] = [at(flight, 8, 0), at(flight, 8, 8), at(flight, 0, 8), at(flight, 0, 16)]
     task = flight.uav.task(start(flight, ways))
-    flight.wait_for(lambda: place_m(flight)[0] > 2.0, "its way")
+    flight.wait_for(lambda: position_m(flight)[0] > 2.0, "its way")
     if is_ours:
         flight.uav.mission.jump_to(4)
         assert task.wait(LIMIT_S).status.name == "SUCCEEDED"
@@ -127,7 +127,7 @@ def test_one_in_which_another_station_jumps_over_items_does_not_succeed(flight: 
     flight.wait_for_state(State.FLYING_AUTO)
 
 
-def test_a_landing_ends_no_mission_of_others_before_the_control_was_asked_back(flight: Flight) -> None:
+def test_a_landing_ends_no_mission_of_others_before_the_control_was_queried_back(flight: Flight) -> None:
     """A pilot's own mission ended with `land` in the cleanup of a program: docs/evidence/decisions/0050."""
     flight.take_off()
     flight.uav.mission.upload(four(flight))

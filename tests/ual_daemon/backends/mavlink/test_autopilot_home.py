@@ -68,7 +68,7 @@ def test_a_height_above_home_where_it_is_already_by_the_home_before(flight: Flig
     flight.land()
 
 
-def test_the_way_home_leads_to_a_home_that_was_set_just_before(flight: Flight) -> None:
+def test_the_return_path_leads_to_a_home_that_was_set_just_before(flight: Flight) -> None:
     flight.take_off()
     flight.uav.go_to_waypoint(flight.goal(4.0, 0.0))
     set_home(flight, 0.0, 12.0, 0.0)
@@ -80,12 +80,12 @@ def test_the_way_home_leads_to_a_home_that_was_set_just_before(flight: Flight) -
     assert math.dist(flight.autopilot.position[:2], home[:2]) < 0.7
 
 
-def test_home_is_asked_for_when_a_command_relies_on_it_and_not_by_a_dry_run(flight: Flight) -> None:
+def test_home_is_requested_when_a_command_relies_on_it_and_not_by_a_dry_run(flight: Flight) -> None:
     flight.take_off()
     flight.let_pass(1.0)
     place = here(flight)
 
-    def asked() -> int:
+    def requests_made() -> int:
         requests = [
             each
             for each in flight.autopilot.commands
@@ -93,12 +93,12 @@ def test_home_is_asked_for_when_a_command_relies_on_it_and_not_by_a_dry_run(flig
         ]
         return len(requests)
 
-    before = asked()
+    before = requests_made()
     flight.uav.dry_run.go_to_waypoint_geo(place.latitude_deg, place.longitude_deg, HEIGHT_M)
     flight.let_pass(0.5)
-    assert asked() == before
+    assert requests_made() == before
     flight.uav.go_to_waypoint_geo(place.latitude_deg, place.longitude_deg, HEIGHT_M)
-    assert asked() == before + 1
+    assert requests_made() == before + 1
     flight.land()
 
 

@@ -50,7 +50,7 @@ def test_a_vehicle_that_is_no_multirotor_says_so_in_every_refusal_and_in_its_sta
         flight.uav.close()
 
 
-def told(flight: Flight) -> str:
+def reported(flight: Flight) -> str:
     health = flight.uav.telemetry().health
     return "" if health is None else " ".join(health.failing_checks)
 
@@ -68,11 +68,11 @@ def test_heartbeats_of_another_kind_end_no_flight_but_forbid_the_next_one(flight
     flight.let_pass(1.0)
     push_plane(flight)
     flight.let_pass(3.0)
-    assert told(flight) == ""  # one is no verdict
+    assert reported(flight) == ""  # one is no verdict
     for _ in range(6):
         push_plane(flight)
         flight.let_pass(0.7)
-    assert "fixed wing send as system 1" in told(flight)
+    assert "fixed wing send as system 1" in reported(flight)
     assert flight.uav.state() is State.FLYING_AUTO
     task.wait(LIMIT_S)
     landing = flight.uav.land(blocking=False)

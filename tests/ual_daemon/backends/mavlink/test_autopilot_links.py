@@ -50,7 +50,7 @@ def test_an_autopilot_at_another_component_flies(component_id: int, monkeypatch:
         flight.uav.close()
 
 
-def test_a_radio_that_is_overrun_is_asked_for_less_until_it_fits(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_radio_that_is_overrun_is_requested_less_until_it_fits(caplog: pytest.LogCaptureFixture) -> None:
     flight = UsualRates("px4")
     try:
         flight.kill()
@@ -77,7 +77,7 @@ def test_a_radio_that_is_overrun_is_asked_for_less_until_it_fits(caplog: pytest.
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_a_link_that_loses_at_random_is_asked_for_all_again(kind: str, caplog: pytest.LogCaptureFixture) -> None:
+def test_a_link_that_loses_at_random_is_requested_all_again(kind: str, caplog: pytest.LogCaptureFixture) -> None:
     flight = UsualRates(kind)
     try:
         flight.wait_for_state(State.LANDED_DISARMED)
@@ -104,7 +104,7 @@ def reason(flight: Flight) -> str:
     return flight.uav.telemetry().state_reason
 
 
-def test_an_arducopter_3_6_is_asked_for_groups_and_what_it_lacks_is_told() -> None:
+def test_an_arducopter_3_6_is_requested_groups_and_what_it_lacks_is_reported() -> None:
     flight = UsualRates("ardupilot")
     try:
         flight.wait_for_state(State.LANDED_DISARMED)  # the newer firmware has been asked for its streams

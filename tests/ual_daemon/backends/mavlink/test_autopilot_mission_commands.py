@@ -118,7 +118,7 @@ class Judge:
         self._flown_s: float | None = None
         self.broken: list[str] = []
 
-    def look(self, told: Telemetry) -> None:
+    def poll_once(self, told: Telemetry) -> None:
         """Looks at one."""
         if told.state is not State.FLYING_AUTO:
             self._say("the state", told)
@@ -146,7 +146,7 @@ def test_what_three_programs_command_between_updates_loses_no_mission(flight: Fl
     def act(told: Telemetry) -> None:
         if not callers:
             callers.extend(Caller(flight, 3 * seed + number) for number in range(3))
-        judge.look(told)
+        judge.poll_once(told)
         if flight.now_s < begin_s + _COMMANDED_S:
             for caller in callers:
                 caller.step(flight.now_s)

@@ -46,7 +46,7 @@ def test_it_returns_to_the_autopilots_home_and_takes_off_again(flight: Flight) -
         flight.uav.take_off(HEIGHT_M)
 
 
-def test_a_new_daemon_that_has_not_seen_the_take_off_returns_home(flight: Flight) -> None:
+def test_a_new_daemon_that_has_not_observed_the_take_off_returns_home(flight: Flight) -> None:
     flight.take_off()
     home = flight.uav.pose().pose.position
     flight.uav.go_to_waypoint(flight.goal(8.0, 0.0))
@@ -59,7 +59,7 @@ def test_a_new_daemon_that_has_not_seen_the_take_off_returns_home(flight: Flight
     assert away_m(flight, home) < 0.5
 
 
-def test_the_pilot_takes_over_on_the_way_home_and_in_the_landing(flight: Flight) -> None:
+def test_the_pilot_takes_over_during_the_return_and_in_the_landing(flight: Flight) -> None:
     flight.take_off()
     for state in (State.FLYING_AUTO, State.LANDING):
         flight.uav.go_to_waypoint(flight.goal(6.0, 0.0))
@@ -78,7 +78,7 @@ def test_the_pilot_takes_over_on_the_way_home_and_in_the_landing(flight: Flight)
     flight.land()
 
 
-def test_a_path_with_a_hold_is_paused_twice_and_flown_to_its_end(flight: Flight) -> None:
+def test_a_path_with_a_hold_is_paused_twice_and_completed(flight: Flight) -> None:
     flight.take_off()
     uav, corner, end = flight.uav, flight.goal(10.0, 0.0), flight.goal(10.0, 10.0)
     started_s = flight.now_s

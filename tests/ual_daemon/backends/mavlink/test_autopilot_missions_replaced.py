@@ -9,7 +9,7 @@ import pytest
 
 from tests.simulators.px4 import LOITER
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight, px4_of
-from tests.ual_daemon.backends.mavlink.test_autopilot_own_missions import FAR_M, at, place_m, start
+from tests.ual_daemon.backends.mavlink.test_autopilot_own_missions import FAR_M, at, position_m, start
 from ual.errors import TaskAbortedError
 from ual.types import State, Telemetry
 
@@ -73,7 +73,7 @@ def test_an_abort_while_the_mission_is_entered_takes_it_back(flight: Flight, upd
 @pytest.mark.parametrize("left_m", _TO_END_M)
 def test_an_abort_as_the_mission_ends_is_no_take_over(flight: Flight, left_m: float) -> None:
     flight.take_off()
-    acted_s = _act_when(flight, lambda _: place_m(flight)[0] > 12.0 - left_m, flight.uav.abort)
+    acted_s = _act_when(flight, lambda _: position_m(flight)[0] > 12.0 - left_m, flight.uav.abort)
     start(flight, [at(flight, 4, 0, 3.0), at(flight, 12, 0, 3.0)])
     _holds_by_ual(flight, acted_s)
 
@@ -85,14 +85,14 @@ def test_an_abort_once_the_autopilot_holds_after_the_mission_is_no_take_over(fli
     _holds_by_ual(flight, acted_s)
 
 
-def test_a_go_to_as_the_mission_ends_is_flown(flight: Flight) -> None:
+def test_a_go_to_as_the_mission_ends_is_executed(flight: Flight) -> None:
     flight.take_off()
     goal = flight.goal(0.0, 3.0)
 
     def go() -> None:
         flight.uav.go_to_waypoint(goal, blocking=False)
 
-    acted_s = _act_when(flight, lambda _: place_m(flight)[0] > 9.6, go)
+    acted_s = _act_when(flight, lambda _: position_m(flight)[0] > 9.6, go)
     start(flight, [at(flight, 4, 0, 3.0), at(flight, 12, 0, 3.0)])
     flight.wait_for(lambda: bool(acted_s), "the command")
     flight.wait_for(lambda: (flight.uav.pose().pose.position - goal.position).norm() < 1.0, "its goal")
@@ -103,7 +103,7 @@ def test_a_go_to_as_the_mission_ends_is_flown(flight: Flight) -> None:
 def test_an_abort_while_it_pauses_or_resumes_takes_it_back(flight: Flight, ends: str) -> None:
     flight.take_off()
     start(flight, [at(flight, FAR_M, 0, 3.0), at(flight, FAR_M, FAR_M, 3.0)])
-    flight.wait_for(lambda: place_m(flight)[0] > 3.0, "its way")
+    flight.wait_for(lambda: position_m(flight)[0] > 3.0, "its way")
     if ends == "resuming":
         flight.uav.mission.pause()
         flight.wait_for(lambda: "holds on our mission" in flight.uav.telemetry().state_reason, "its hold")
@@ -119,7 +119,7 @@ def test_a_hold_of_a_ground_station_amid_the_mission_wins_over_an_abort(flight: 
         flight.uav.abort()
         assert px4_of(flight).request_mode(LOITER)
 
-    acted_s = _act_when(flight, lambda _: place_m(flight)[0] > 8.0, act)
+    acted_s = _act_when(flight, lambda _: position_m(flight)[0] > 8.0, act)
     task = flight.uav.task(start(flight, [at(flight, FAR_M, 0, 3.0), at(flight, FAR_M, FAR_M, 3.0)]))
     flight.wait_for(lambda: bool(acted_s), "the command")
     with pytest.raises(TaskAbortedError):

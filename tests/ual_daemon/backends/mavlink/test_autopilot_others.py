@@ -196,7 +196,7 @@ def test_return_to_launch_ends_a_flight_that_the_autopilot_holds_and_never_one_t
     flight.wait_for_state(State.LANDED_DISARMED)
 
 
-def test_a_lost_position_ends_the_task_is_told_and_only_force_leaves_its_failsafe(flight: Flight) -> None:
+def test_a_lost_position_ends_the_task_is_reported_and_only_force_leaves_its_failsafe(flight: Flight) -> None:
     flight.take_off()
     task = flight.uav.go_to_waypoint(flight.goal(80.0, 0.0), max_speed_m_s=2.0, blocking=False)
     flight.let_pass(2.0)

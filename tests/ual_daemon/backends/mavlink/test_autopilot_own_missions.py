@@ -66,7 +66,7 @@ def box(flight: Flight) -> list[Item]:
     return [TakeOff(6.0), at(flight, 12, 0), at(flight, 12, 12), at(flight, 0, 12), landing(flight, 0, 0)]
 
 
-def wait_for_place(flight: Flight) -> None:
+def wait_for_position(flight: Flight) -> None:
     def is_placed() -> bool:
         snapshot = flight.backend.snapshot()
         return snapshot.motion.position_geo is not None and snapshot.earth.projection is not None
@@ -76,7 +76,7 @@ def wait_for_place(flight: Flight) -> None:
 
 def stand_armed(flight: Flight) -> None:
     flight.wait_for_state(State.LANDED_DISARMED)
-    wait_for_place(flight)
+    wait_for_position(flight)
     assert flight.autopilot.pilot_arm()
     flight.wait_for_state(State.LANDED_ARMED)
     flight.wait_for(flight._is_take_off_planned, "what a mission needs")
@@ -99,12 +99,12 @@ def wait_for_item(flight: Flight, item: int) -> None:
     flight.wait_for(lambda: (item_of(flight) or 0) >= item, f"item {item}")
 
 
-def place_m(flight: Flight) -> tuple[float, float, float]:
-    north, east, down = flight.autopilot.place
+def position_m(flight: Flight) -> tuple[float, float, float]:
+    north, east, down = flight.autopilot.current_position
     return north, east, -down
 
 
-def test_a_mission_is_flown_from_the_ground_to_its_landing(flight: Flight) -> None:
+def test_a_mission_is_executed_from_the_ground_to_its_landing(flight: Flight) -> None:
     stand_armed(flight)
     begun_s = flight.now_s
     at_third: list[tuple[TaskKind, str, MissionStage]] = []
@@ -121,7 +121,7 @@ def test_a_mission_is_flown_from_the_ground_to_its_landing(flight: Flight) -> No
     ((kind, reason, stage),) = at_third
     assert (kind, stage) == (TaskKind.MISSION, MissionStage.ACTIVE)
     assert "the autopilot flies our mission: item 3" in reason
-    north, east, _ = place_m(flight)
+    north, east, _ = position_m(flight)
     assert math.hypot(north, east) < 1.5
     flight.wait_for_state(State.LANDED_DISARMED)
     assert State.FLYING_MANUAL not in flight.states_since(begun_s)
@@ -130,7 +130,7 @@ def test_a_mission_is_flown_from_the_ground_to_its_landing(flight: Flight) -> No
 
 def test_it_is_watched_until_the_caller_ends_it(flight: Flight) -> None:
     flight.wait_for_state(State.LANDED_DISARMED)
-    wait_for_place(flight)
+    wait_for_position(flight)
     flight.wait_for(lambda: flight.uav.mission.progress().stage is MissionStage.NONE, "what it says of its mission")
     watched = flight.uav.mission.watch()
     assert next(watched).stage is MissionStage.NONE
@@ -144,7 +144,7 @@ def test_a_mission_that_does_not_land_ends_with_the_uav_held_by_ual(flight: Flig
     assert task.wait(LIMIT_S).status is TaskStatus.SUCCEEDED
     assert flight.uav.state() is State.FLYING_AUTO
     flight.let_pass(3.0)
-    north, east, up = place_m(flight)
+    north, east, up = position_m(flight)
     assert math.dist((north, east, up), (8.0, 8.0, 6.0)) < 2.0
     flight.uav.go_to_waypoint(flight.goal(3.0, 0.0))
     flight.land()
@@ -183,22 +183,22 @@ def test_it_is_paused_resumed_jumped_and_aborted(flight: Flight) -> None:
     far = [TakeOff(6.0), at(flight, FAR_M, 0), at(flight, FAR_M, FAR_M), at(flight, 0, FAR_M)]
     task = flight.uav.task(start(flight, far))
     wait_for_item(flight, 2)
-    flight.wait_for(lambda: place_m(flight)[0] > 10.0, "its way")
+    flight.wait_for(lambda: position_m(flight)[0] > 10.0, "its way")
     flight.uav.mission.pause()
     flight.wait_for(lambda: "holds on our mission" in flight.uav.telemetry().state_reason, "its hold")
     assert flight.uav.state() is State.FLYING_AUTO
     flight.wait_for(lambda: flight.uav.velocity().twist.linear.norm() < 0.2, "its rest")
     flight.let_pass(3.0)
-    held = place_m(flight)
+    held = position_m(flight)
     flight.let_pass(5.0)
-    assert math.dist(held, place_m(flight)) < 0.3
+    assert math.dist(held, position_m(flight)) < 0.3
     assert task.info().is_paused
     flight.uav.mission.resume()
-    flight.wait_for(lambda: place_m(flight)[0] > held[0] + 5.0, "its way again")
+    flight.wait_for(lambda: position_m(flight)[0] > held[0] + 5.0, "its way again")
     assert item_of(flight) == 2
     flight.uav.mission.jump_to(4)
     assert item_of(flight) == 4
-    flight.wait_for(lambda: place_m(flight)[1] > 3.0, "the other way")
+    flight.wait_for(lambda: position_m(flight)[1] > 3.0, "the other way")
     flight.uav.abort()
     with pytest.raises(TaskAbortedError, match="cancelled"):
         task.wait(LIMIT_S)
@@ -257,7 +257,7 @@ def test_the_pilot_takes_it_as_always(flight: Flight) -> None:
 def test_it_goes_on_without_a_link_and_its_task_with_it(flight: Flight) -> None:
     flight.take_off()
     task = flight.uav.task(start(flight, [at(flight, 120, 0), at(flight, 120, 30)]))
-    flight.wait_for(lambda: place_m(flight)[0] > 5.0, "its way")
+    flight.wait_for(lambda: position_m(flight)[0] > 5.0, "its way")
     flight.link.down = flight.link.up = SILENT
     flight.wait_for_state(State.UNINITIALIZED)
     flight.let_pass(6.0)
@@ -271,7 +271,7 @@ def test_it_goes_on_without_a_link_and_its_task_with_it(flight: Flight) -> None:
 def test_a_long_silence_in_which_another_mission_came_makes_it_theirs(flight: Flight) -> None:
     flight.take_off()
     task = flight.uav.task(start(flight, [at(flight, FAR_M, 0), at(flight, FAR_M, FAR_M)]))
-    flight.wait_for(lambda: place_m(flight)[0] > 5.0, "its way")
+    flight.wait_for(lambda: position_m(flight)[0] > 5.0, "its way")
     flight.link.down = flight.link.up = SILENT
     flight.wait_for_state(State.UNINITIALIZED)
     flight.let_pass(11.0)
@@ -285,10 +285,10 @@ def test_a_long_silence_in_which_another_mission_came_makes_it_theirs(flight: Fl
 
 
 @pytest.mark.parametrize("flight", ["px4"], indirect=True)  # ArduPilot tells no checksum
-def test_another_mission_that_came_in_flight_is_not_told_as_ours(flight: Flight) -> None:
+def test_another_mission_that_came_in_flight_is_not_reported_as_ours(flight: Flight) -> None:
     flight.take_off()
     task = flight.uav.task(start(flight, [at(flight, FAR_M, 0), at(flight, FAR_M, FAR_M)]))
-    flight.wait_for(lambda: place_m(flight)[0] > 5.0, "its way")
+    flight.wait_for(lambda: position_m(flight)[0] > 5.0, "its way")
     store = flight.autopilot.missions
     with flight.autopilot.lock:
         store.keep(0, [*store.lists[0], store.lists[0][-1]])
@@ -299,7 +299,7 @@ def test_another_mission_that_came_in_flight_is_not_told_as_ours(flight: Flight)
     assert flight.uav.telemetry().state_reason.endswith("; the ground station has brought another mission")
 
 
-def test_another_mission_that_came_in_a_pause_is_not_flown(flight: Flight) -> None:
+def test_another_mission_that_came_in_a_pause_is_not_executed(flight: Flight) -> None:
     flight.take_off()
     task = flight.uav.task(start(flight, [at(flight, 90, 0), at(flight, 90, 90)]))
     flight.uav.mission.pause()
@@ -318,7 +318,7 @@ def test_a_new_daemon_finds_its_mission_and_its_task_again(flight: Flight) -> No
     stand_armed(flight)
     task_id = start(flight, [TakeOff(6.0), at(flight, 50, 0), at(flight, 50, 20), landing(flight, 20, 20)])
     wait_for_item(flight, 2)
-    flight.wait_for(lambda: place_m(flight)[0] > 10.0, "its way")
+    flight.wait_for(lambda: position_m(flight)[0] > 10.0, "its way")
     flight.kill()
     flight.autopilot.run(4.0)
     began_s = flight.now_s
@@ -354,14 +354,14 @@ def test_a_new_daemon_finds_one_that_was_paused_and_resumes_it(flight: Flight) -
     assert flight.commands_since(began_s) == set()
     flight.uav.mission.resume()
     assert task.wait(LIMIT_S).status is TaskStatus.SUCCEEDED
-    north, east, _ = place_m(flight)
+    north, east, _ = position_m(flight)
     assert math.hypot(north - 20.0, east - 20.0) < 1.5
 
 
 def test_a_new_daemon_leaves_a_hold_that_is_no_pause_of_ual_alone(flight: Flight) -> None:
     flight.take_off()
     start(flight, [at(flight, FAR_M, 0), at(flight, FAR_M, FAR_M)])
-    flight.wait_for(lambda: place_m(flight)[0] > 5.0, "its way")
+    flight.wait_for(lambda: position_m(flight)[0] > 5.0, "its way")
     flight.kill()
     hold_by_a_station(flight)
     flight.autopilot.run(1.0)
@@ -384,9 +384,9 @@ def test_a_new_daemon_leaves_a_mission_of_others_alone(flight: Flight) -> None:
     assert flight.uav.telemetry().task is None
 
 
-def test_what_cannot_be_flown_is_refused_before_anything_moves(flight: Flight) -> None:
+def test_what_cannot_be_executed_is_refused_before_anything_moves(flight: Flight) -> None:
     flight.wait_for_state(State.LANDED_DISARMED)
-    wait_for_place(flight)
+    wait_for_position(flight)
     mission = flight.uav.mission
     with pytest.raises(WrongStateError, match="has no mission; upload one"):
         mission.start()
@@ -415,7 +415,7 @@ def test_what_cannot_be_flown_is_refused_before_anything_moves(flight: Flight) -
 
 def test_a_dry_run_tells_length_time_and_heights(flight: Flight) -> None:
     flight.wait_for_state(State.LANDED_DISARMED)
-    wait_for_place(flight)
+    wait_for_position(flight)
     flight.wait_for(flight._is_take_off_planned, "home")
     items = [TakeOff(6.0), at(flight, 20, 0), at(flight, 20, 30), HoldTime(9.0), Jump(2, 1)]
     flight.wait_for(lambda: flight.uav.mission.plan(items).duration_s < 80.0, "its limits")
@@ -429,7 +429,7 @@ def test_a_dry_run_tells_length_time_and_heights(flight: Flight) -> None:
 
 def test_uploads_over_a_link_that_loses_a_fifth_are_whole(flight: Flight) -> None:
     flight.wait_for_state(State.LANDED_DISARMED)
-    wait_for_place(flight)
+    wait_for_position(flight)
     flight.link.down = flight.link.up = LOSSY
     try:
         for number in range(4):
@@ -492,7 +492,7 @@ def test_one_that_ends_before_it_lifts_off_stays_on_the_ground(flight: Flight, h
         assert told.flight_mode in ("OFFBOARD", "GUIDED")
     else:
         assert told.flight_mode in ("AUTO.LOITER", "BRAKE")
-    assert place_m(flight)[0] < 10.0
+    assert position_m(flight)[0] < 10.0
 
 
 @pytest.mark.parametrize(
@@ -520,7 +520,7 @@ def test_a_second_abort_before_it_flies_is_accepted_and_changes_nothing(flight: 
     assert done == ["first", "second"]
     if is_lifting:
         flight.wait_for(lambda: flight.uav.telemetry().flight_mode == "OFFBOARD", "the control")
-    assert place_m(flight)[0] < 10.0
+    assert position_m(flight)[0] < 10.0
 
 
 @pytest.mark.parametrize("flight", ["px4"], indirect=True)  # ArduPilot's hold on the ground stays there
@@ -548,10 +548,10 @@ def test_one_that_is_stopped_as_it_lifts_off_is_held_by_ual(flight: Flight, how:
     flight.wait_for(lambda: flight.uav.telemetry().flight_mode == "OFFBOARD", "the control")
     flight.let_pass(3.0)
     assert flight.states_since(begun_s) == [State.LANDED_ARMED, State.FLYING_AUTO]
-    assert place_m(flight)[2] < 1.5
+    assert position_m(flight)[2] < 1.5
 
 
-def test_one_whose_lease_ends_in_a_silence_on_the_ground_is_stopped_once_it_is_seen(flight: Flight) -> None:
+def test_one_whose_lease_ends_in_a_silence_on_the_ground_is_stopped_once_it_is_observed(flight: Flight) -> None:
     """The stop waited for the end of its take-off, and ended as that had not begun: all of it was flown."""
     stand_armed(flight)
     flight.when(is_entered_on_ground, lambda: setattr(flight.link, "down", SILENT))
@@ -568,7 +568,7 @@ def test_one_whose_lease_ends_in_a_silence_on_the_ground_is_stopped_once_it_is_s
     held_modes = ("AUTO.LOITER", "BRAKE", "OFFBOARD", "GUIDED")
     flight.wait_for(lambda: flight.uav.telemetry().flight_mode in held_modes, "its stop")
     flight.let_pass(8.0)
-    assert place_m(flight)[0] < 5.0
+    assert position_m(flight)[0] < 5.0
 
 
 @pytest.mark.parametrize(
@@ -658,7 +658,7 @@ def test_who_takes_it_in_its_second_flight_keeps_it(flight: Flight) -> None:
     items: list[Item] = [at(flight, 40, 0), at(flight, 40, 40)]
     flight.uav.task(start(flight, items)).wait(LIMIT_S)
     again = flight.uav.task(flight.uav.mission.start().id)
-    flight.wait_for(lambda: place_m(flight)[1] < 30.0, "its way back to the first item")
+    flight.wait_for(lambda: position_m(flight)[1] < 30.0, "its way back to the first item")
     require_taken_by_a_station(flight, again)
 
 
@@ -679,12 +679,12 @@ def test_it_is_stopped_while_its_position_is_lost(flight: Flight, how: str) -> N
     """Nobody could stop it then: both were refused, and it flew on."""
     flight.take_off()
     task = flight.uav.task(start(flight, [at(flight, FAR_M, 0), at(flight, FAR_M, FAR_M)]))
-    flight.wait_for(lambda: place_m(flight)[0] > 10.0, "its way")
+    flight.wait_for(lambda: position_m(flight)[0] > 10.0, "its way")
     builders, message_id = flight.autopilot.builders, mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED
     stopped_at: list[float] = []
 
     def stop() -> None:
-        stopped_at.append(place_m(flight)[0])
+        stopped_at.append(position_m(flight)[0])
         flight.uav.abort() if how == "abort" else task.cancel()
 
     flight.when(lambda told: "has not said its pose" in told.state_reason, stop)
@@ -694,7 +694,7 @@ def test_it_is_stopped_while_its_position_is_lost(flight: Flight, how: str) -> N
         task.wait(LIMIT_S)
     flight.wait_for(lambda: "has stopped its mission" in flight.uav.telemetry().state_reason, "its hold")
     flight.let_pass(20.0)
-    assert place_m(flight)[0] < stopped_at[0] + 40.0
+    assert position_m(flight)[0] < stopped_at[0] + 40.0
     builders[message_id] = told
     flight.wait_for(lambda: flight.uav.telemetry().flight_mode in ("OFFBOARD", "GUIDED"), "the control")
     flight.wait_for_state(State.FLYING_AUTO)
@@ -702,10 +702,10 @@ def test_it_is_stopped_while_its_position_is_lost(flight: Flight, how: str) -> N
 
 
 @pytest.mark.parametrize("flight", ["ardupilot"], indirect=True)  # PX4's failsafe comes before UAL knows of it
-def test_an_autopilot_that_has_lost_its_position_and_cannot_hold_is_told(flight: Flight) -> None:
+def test_an_autopilot_that_has_lost_its_position_and_cannot_hold_is_reported(flight: Flight) -> None:
     flight.take_off()
     task = flight.uav.task(start(flight, [at(flight, FAR_M, 0), at(flight, FAR_M, FAR_M)]))
-    flight.wait_for(lambda: place_m(flight)[0] > 10.0, "its way")
+    flight.wait_for(lambda: position_m(flight)[0] > 10.0, "its way")
     flight.when(lambda told: told.state is State.UNINITIALIZED, task.cancel)
     flight.autopilot.lose_gps()
     with pytest.raises(TaskAbortedError, match="cancelled"):
@@ -721,7 +721,7 @@ def test_one_that_does_not_give_the_control_is_held_by_the_autopilot(
 ) -> None:
     flight.take_off()
     task = flight.uav.task(start(flight, [at(flight, FAR_M, 0), at(flight, FAR_M, FAR_M)]))
-    flight.wait_for(lambda: place_m(flight)[0] > 10.0, "its way")
+    flight.wait_for(lambda: position_m(flight)[0] > 10.0, "its way")
     autopilot: Any = flight.autopilot
     is_px4 = isinstance(autopilot, Px4)
     name, refused, holds = ("request_mode", OFFBOARD, "AUTO.LOITER") if is_px4 else ("set_mode", GUIDED, "BRAKE")
@@ -737,11 +737,11 @@ def test_one_that_does_not_give_the_control_is_held_by_the_autopilot(
     flight.land()
 
 
-def test_how_far_it_is_is_judged_by_what_it_does(flight: Flight) -> None:
+def test_how_far_it_is_is_assessed_by_what_it_does(flight: Flight) -> None:
     """PX4 told ACTIVE after the abort of one that had been paused, and COMPLETE once disarmed, with one reached."""
     flight.take_off()
     start(flight, [at(flight, FAR_M, 0), at(flight, FAR_M, FAR_M), at(flight, 0, FAR_M)])
-    flight.wait_for(lambda: place_m(flight)[0] > 5.0, "its way")
+    flight.wait_for(lambda: position_m(flight)[0] > 5.0, "its way")
     flight.uav.mission.pause()
     flight.wait_for(lambda: flight.uav.mission.progress().stage is MissionStage.PAUSED, "its pause")
     on_way: list[MissionStage] = []
@@ -750,7 +750,7 @@ def test_how_far_it_is_is_judged_by_what_it_does(flight: Flight) -> None:
         lambda: on_way.append(flight.uav.mission.progress().stage),
     )
     flight.uav.mission.resume()
-    flight.wait_for(lambda: place_m(flight)[0] > 15.0, "its way again")
+    flight.wait_for(lambda: position_m(flight)[0] > 15.0, "its way again")
     assert on_way == [MissionStage.ACTIVE]
     flight.uav.mission.jump_to(2)
     flight.uav.abort()
@@ -777,7 +777,7 @@ def test_one_that_begins_with_a_speed_takes_off_and_flies_at_it(flight: Flight) 
     """It was uploaded, and no start was possible but one that skipped the speed."""
     stand_armed(flight)
     task = flight.uav.task(start(flight, [Speed(2.0), TakeOff(6.0), at(flight, 30, 0), landing(flight, 30, 0)]))
-    flight.wait_for(lambda: place_m(flight)[0] > 12.0, "its way")
+    flight.wait_for(lambda: position_m(flight)[0] > 12.0, "its way")
     speed_m_s = flight.uav.velocity().twist.linear.norm()
     assert speed_m_s == pytest.approx(2.0, abs=0.4)
     assert task.wait(LIMIT_S).status is TaskStatus.SUCCEEDED

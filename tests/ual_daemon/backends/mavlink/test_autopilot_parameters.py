@@ -45,7 +45,7 @@ def fastest_m_s(flight: Flight, max_speed_m_s: float | None = None) -> float:
     return max(speeds)
 
 
-def test_a_goal_is_flown_at_the_cruise_of_the_autopilot_unless_another_speed_is_asked_for(fly: Fly) -> None:
+def test_a_goal_is_executed_at_the_cruise_of_the_autopilot_unless_another_speed_is_requested(fly: Fly) -> None:
     flight = fly(MPC_XY_CRUISE=5.0)
     flight.wait_for(lambda: flight.backend.info().cruise_speed_m_s == 5.0, "its cruise")
     assert flight.uav.info().limits.horizontal_speed_m_s == 12.0

@@ -17,7 +17,7 @@ from tests.simulators.autopilot import Autopilot
 from tests.simulators.lockstep import LockstepBackend
 from tests.ual.missions.public_plans import FLOWN, Place, Public
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
-from tests.ual_daemon.backends.mavlink.test_autopilot_own_missions import stand_armed, wait_for_place
+from tests.ual_daemon.backends.mavlink.test_autopilot_own_missions import stand_armed, wait_for_position
 from ual.missions import Item, Land, Waypoint, parse
 from ual.types import State, TaskStatus
 from ual_daemon import UAL
@@ -45,7 +45,7 @@ class Planned(Flight):
         self.autopilot.projection = FlatProjection(*self.public.home)
         self.backend = LockstepBackend(BackendOptions("uav_1"), self.autopilot, self.port, SPEED)
         self.uav = UAL(self.backend)
-        self.uav.vehicle.subscribe(lambda _: self.way.append(self.autopilot.place))
+        self.uav.vehicle.subscribe(lambda _: self.way.append(self.autopilot.current_position))
 
     def local(self, place: Place) -> Place:
         """The place in the simulated world: north, east, up from home."""
@@ -63,7 +63,7 @@ class Planned(Flight):
 
 def stand_placed(flight: Planned) -> None:
     flight.wait_for_state(State.LANDED_DISARMED)
-    wait_for_place(flight)
+    wait_for_position(flight)
 
 
 def expected(public: Public, flight: Planned) -> tuple[Place, ...]:
@@ -141,6 +141,6 @@ def test_dry_run_and_flight_agree_with_the_file(planned: Planned, public: Public
     assert passed(list(planned.way), way, planned.autopilot) == list(way)
     if public.lands:
         planned.wait_for_state(State.LANDED_DISARMED)
-        assert math.dist(planned.autopilot.place[:2], end[:2]) < NEAR_M
+        assert math.dist(planned.autopilot.current_position[:2], end[:2]) < NEAR_M
     else:
         assert planned.uav.state() is State.FLYING_AUTO

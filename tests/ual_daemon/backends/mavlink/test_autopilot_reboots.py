@@ -76,9 +76,9 @@ class Placed(UsualRates):
         """Returns whether a pose is reported."""
         return self.uav.telemetry().pose is not None
 
-    def place(self) -> Vector3:
+    def current_position(self) -> Vector3:
         """Returns the true position of the UAV, from the autopilot's first origin: east, north, up."""
-        north, east, down = self.autopilot.place
+        north, east, down = self.autopilot.current_position
         return Vector3(east, north, -down)
 
 
@@ -113,7 +113,7 @@ def _farthest_m(flight: Placed, start: Vector3, duration_s: float) -> float:
     """Lets time pass, and returns how far the UAV really was from a place in it."""
     until_s, farthest_m = flight.now_s + duration_s, 0.0
     while flight.now_s < until_s:
-        farthest_m = max(farthest_m, (flight.place() - start).norm())
+        farthest_m = max(farthest_m, (flight.current_position() - start).norm())
         flight.let_pass(0.05)
     return farthest_m
 
@@ -134,7 +134,7 @@ def test_home_stays_where_it_was_set_when_the_battery_is_swapped_on_the_spot(sta
     assert tuple(flight.position()) == near(0, 0, 0)  # it said -10 m
     flight.take_off()
     flight.uav.go_to_waypoint(Pose.at(0.0, 0.0, 5.0))
-    assert tuple(flight.place()) == near(10, 0, 5, 0.5)
+    assert tuple(flight.current_position()) == near(10, 0, 5, 0.5)
     flight.land()
 
 
@@ -146,7 +146,7 @@ def test_a_uav_that_was_carried_while_it_was_off_flies_back_to_its_home(start: S
     assert tuple(flight.position()) == near(20, 0, 0)
     flight.take_off()
     flight.uav.go_to_waypoint(Pose.at(0.0, 0.0, 3.0))
-    assert tuple(flight.place()) == near(0, 0, 3, 0.5)
+    assert tuple(flight.current_position()) == near(0, 0, 3, 0.5)
     flight.land()
 
 
@@ -167,7 +167,7 @@ def test_map_stays_where_it_is_on_earth(start: Start) -> None:
     assert tuple(flight.position() - here) == near(20, 0, 0)
     flight.take_off()
     flight.uav.go_to_waypoint(PoseStamped(Pose.at(here.x, here.y, here.z + 3.0), "map"))
-    assert tuple(flight.place()) == near(0, 0, 3, 0.5)
+    assert tuple(flight.current_position()) == near(0, 0, 3, 0.5)
     flight.land()
 
 
@@ -198,7 +198,7 @@ def test_frames_that_hang_on_odom_and_map_follow(start: Start) -> None:
         assert tuple(flight.uav.transform(frame_id).translation) == near(18, 0, 0)
     flight.take_off()
     flight.uav.go_to_waypoint(PoseStamped(Pose.at(0.0, 0.0, 3.0), "pad"))
-    assert tuple(flight.place()) == near(2, 0, 3, 0.5)
+    assert tuple(flight.current_position()) == near(2, 0, 3, 0.5)
     flight.land()
 
 
@@ -247,10 +247,10 @@ def test_in_a_lost_frame_nothing_moves_but_it_can_fly_by_its_body_and_land(lost:
         lost.let_pass(0.1)
     lost.uav.abort()
     lost.let_pass(3.0)
-    assert lost.place().horizontal_norm() > 1.0
-    here = lost.place()
+    assert lost.current_position().horizontal_norm() > 1.0
+    here = lost.current_position()
     lost.uav.go_to_waypoint(PoseStamped(Pose.at(2.0, 0.0, 0.0), "uav_1/base_link"))
-    assert (lost.place() - here).norm() == pytest.approx(2.0, abs=0.5)
+    assert (lost.current_position() - here).norm() == pytest.approx(2.0, abs=0.5)
     lost.autopilot.pilot_take_over()
     lost.wait_for_state(State.FLYING_MANUAL)
     lost.uav.recover_from_manual()
@@ -263,7 +263,7 @@ def test_set_home_makes_a_lost_frame_known_again(lost: Placed) -> None:
     assert tuple(lost.position()) == near(0, 0, 0)
     lost.take_off()
     lost.uav.go_to_waypoint(Pose.at(0.0, 0.0, 3.0))
-    assert tuple(lost.place()) == near(20, 0, 3, 0.5)
+    assert tuple(lost.current_position()) == near(20, 0, 3, 0.5)
     lost.land()
 
 
@@ -301,7 +301,7 @@ def test_home_survives_a_restart_of_the_daemon_and_the_same_go_to_leads_there(st
     assert tuple(flight.position()) == near(0, 0, 0)
     flight.take_off()
     flight.uav.go_to_waypoint(Pose.at(0.0, 0.0, 4.0))
-    assert tuple(flight.place()) == near(10, 0, 4, 0.5)
+    assert tuple(flight.current_position()) == near(10, 0, 4, 0.5)
     flight.land()
 
 
@@ -317,7 +317,7 @@ def test_home_survives_when_both_are_off_and_the_uav_is_carried(start: Start, ho
     assert tuple(flight.position()) == near(20, 0, 0)
 
 
-def test_a_home_that_followed_a_reboot_is_saved_with_the_place_of_the_fence(start: Start, home_file: Path) -> None:
+def test_a_home_that_followed_a_reboot_is_saved_with_the_position_of_the_fence(start: Start, home_file: Path) -> None:
     settings = VehicleSettings(geofence=GeofenceSettings(frame_id="map", polygon=SQUARE))
     flight = start(settings=settings, home_file=home_file)
     flight.reboot(EAST_20)
@@ -421,14 +421,14 @@ def test_a_held_position_does_not_jump_when_the_origin_moves(start: Start) -> No
     flight = start()
     flight.take_off()
     flight.let_pass(2.0)
-    before = flight.place()
+    before = flight.current_position()
     flight.autopilot.move_origin((-8.0, 30.0, 2.0))
     farthest_m = _farthest_m(flight, before, 5.0)
     assert farthest_m < 0.3
     flight.wait_for(flight.is_placed, "its pose")
     assert tuple(flight.position()) == near(0, 0, 3, 0.5)  # the frames have followed
     flight.uav.go_to_waypoint(Pose.at(4.0, 0.0, 3.0))
-    assert tuple(flight.place() - before) == near(4, 0, 0, 0.5)
+    assert tuple(flight.current_position() - before) == near(4, 0, 0, 0.5)
     flight.land()
 
 
@@ -436,7 +436,7 @@ def test_a_held_position_does_not_jump_when_the_estimate_is_reset(start: Start) 
     flight = start()
     flight.take_off()
     flight.let_pass(2.0)
-    before = flight.place()
+    before = flight.current_position()
     flight.autopilot.jump((6.0, -4.0, 1.5))
     assert _farthest_m(flight, before, 5.0) < 0.3
     assert tuple(flight.position()) == near(-4, 6, 1.5, 0.5)  # the estimate is believed
@@ -449,15 +449,15 @@ def test_a_go_to_ends_when_the_estimate_jumps_and_the_uav_holds(start: Start, ho
     flight.take_off()
     task = flight.uav.go_to_waypoint(flight.goal(40.0, 0.0), blocking=False)
     flight.wait_for(lambda: flight.uav.velocity().twist.linear.norm() > 1.5, "its speed")
-    before = flight.place()
+    before = flight.current_position()
     act = flight.autopilot.move_origin if how == "origin" else flight.autopilot.jump
     act((5.0, 3.0, 0.0))
     with pytest.raises(TaskAbortedError, match="jumped") as caught:
         task.wait(LIMIT_S)
     assert caught.value.metadata["by"] == "estimator"
     flight.let_pass(8.0)
-    assert abs((flight.place() - before).y) < 0.5
-    assert 0.0 < (flight.place() - before).x < 15.0
+    assert abs((flight.current_position() - before).y) < 0.5
+    assert 0.0 < (flight.current_position() - before).x < 15.0
     assert flight.uav.state() is State.FLYING_AUTO
     assert flight.uav.velocity().twist.linear.norm() < 0.2
     flight.land()
@@ -469,10 +469,10 @@ def test_a_take_off_goes_on_by_as_much_above_the_ground_when_the_estimate_jumps(
     flight.wait_for_state(State.LANDED_ARMED)
     flight.wait_for(flight._is_take_off_planned, "what a take-off needs")
     task = flight.uav.take_off(4.0, blocking=False)
-    flight.wait_for(lambda: flight.place().z > 1.0, "its climb")
+    flight.wait_for(lambda: flight.current_position().z > 1.0, "its climb")
     flight.autopilot.jump((3.0, 2.0, -2.5))
     task.wait(LIMIT_S)
-    assert tuple(flight.place()) == near(0, 0, 4, 0.6)
+    assert tuple(flight.current_position()) == near(0, 0, 4, 0.6)
     flight.land()
 
 
@@ -486,7 +486,7 @@ def test_the_floor_and_the_ceiling_stay_at_the_ground_when_the_estimate_jumps(st
     flight.land()
 
 
-def test_small_jumps_are_flown_out(start: Start) -> None:
+def test_small_jumps_are_executed_out(start: Start) -> None:
     flight = start()
     flight.take_off()
     task = flight.uav.go_to_waypoint(flight.goal(10.0, 0.0), blocking=False)
@@ -505,26 +505,26 @@ def test_a_held_heading_does_not_turn_when_the_estimate_of_the_heading_is_reset(
     if is_pose_set:
         flight.uav.set_pose(flight.goal(0.0, 0.0))
     flight.let_pass(2.0)
-    before, heading_rad = flight.place(), flight.autopilot.true_heading_rad
+    before, heading_rad = flight.current_position(), flight.autopilot.true_heading_rad
     flight.autopilot.jump_heading(RESET_RAD)
     assert _farthest_turned_rad(flight, heading_rad, 5.0) < 0.1
-    assert (flight.place() - before).norm() < 0.3
+    assert (flight.current_position() - before).norm() < 0.3
     assert flight.uav.state() is State.FLYING_AUTO
     flight.land()
 
 
-def test_a_go_to_ends_when_the_heading_jumps_and_the_uav_holds_where_it_looks(start: Start) -> None:
+def test_a_go_to_ends_when_the_heading_jumps_and_the_uav_holds_where_it_points(start: Start) -> None:
     flight = start()
     flight.take_off()
     task = flight.uav.go_to_waypoint(flight.goal(40.0, 0.0), blocking=False)
     flight.wait_for(lambda: flight.uav.velocity().twist.linear.norm() > 1.5, "its speed")
-    before, heading_rad = flight.place(), flight.autopilot.true_heading_rad
+    before, heading_rad = flight.current_position(), flight.autopilot.true_heading_rad
     flight.autopilot.jump_heading(-RESET_RAD)
     with pytest.raises(TaskAbortedError, match="heading jumped by 30 deg") as caught:
         task.wait(LIMIT_S)
     assert caught.value.metadata["by"] == "estimator"
     assert _farthest_turned_rad(flight, heading_rad, 6.0) < 0.1
-    assert abs((flight.place() - before).y) < 0.5
+    assert abs((flight.current_position() - before).y) < 0.5
     assert flight.uav.velocity().twist.linear.norm() < 0.2
     flight.uav.go_to_waypoint(flight.goal(-3.0, 0.0))  # by the new heading
     flight.land()
@@ -533,7 +533,7 @@ def test_a_go_to_ends_when_the_heading_jumps_and_the_uav_holds_where_it_looks(st
 def test_a_velocity_goes_on_and_keeps_the_nose_when_the_heading_jumps(start: Start) -> None:
     flight = start()
     flight.take_off()
-    before, heading_rad, jumped = flight.place(), flight.autopilot.true_heading_rad, False
+    before, heading_rad, jumped = flight.current_position(), flight.autopilot.true_heading_rad, False
     until_s, turned_rad = flight.now_s + 5.0, 0.0
     while flight.now_s < until_s:
         flight.uav.set_velocity(Twist(Vector3(1.0, 0.0, 0.0)))
@@ -543,8 +543,8 @@ def test_a_velocity_goes_on_and_keeps_the_nose_when_the_heading_jumps(start: Sta
             jumped = True
             flight.autopilot.jump_heading(RESET_RAD)
     assert turned_rad < 0.1
-    assert (flight.place() - before).x > 2.5
-    assert abs((flight.place() - before).y) < 0.4
+    assert (flight.current_position() - before).x > 2.5
+    assert abs((flight.current_position() - before).y) < 0.4
     flight.land()
 
 
@@ -556,11 +556,11 @@ def test_a_take_off_goes_on_without_turning_when_the_heading_jumps(start: Start)
     flight.wait_for(flight._is_take_off_planned, "what a take-off needs")
     heading_rad = flight.autopilot.true_heading_rad
     task = flight.uav.take_off(4.0, blocking=False)
-    flight.wait_for(lambda: flight.place().z > 1.5, "its climb")
+    flight.wait_for(lambda: flight.current_position().z > 1.5, "its climb")
     flight.autopilot.jump_heading(RESET_RAD)
     task.wait(LIMIT_S)
     assert _farthest_turned_rad(flight, heading_rad, 3.0) < 0.1
-    assert tuple(flight.place()) == near(0, 0, 4, 0.6)
+    assert tuple(flight.current_position()) == near(0, 0, 4, 0.6)
     flight.land()
 
 

@@ -42,7 +42,7 @@ CLOCK = 0.975
 
 
 @dataclass
-class Told:
+class ReportedSample:
     """Reports of an autopilot: the count of each message, and its changes, by kind."""
 
     counts: Counter[str] = field(default_factory=Counter)
@@ -88,8 +88,8 @@ class Told:
             changes.append((time_s, value))
 
 
-def told(frames: Iterable[tuple[float, bytes]], system_id: int) -> Told:
-    codec, result = Codec(COMPANION), Told()
+def reported(frames: Iterable[tuple[float, bytes]], system_id: int) -> ReportedSample:
+    codec, result = Codec(COMPANION), ReportedSample()
     for time_s, data in frames:
         (frame,), _ = split(data)
         if (frame.system_id, frame.component_id) == (system_id, 1):
@@ -149,14 +149,16 @@ class Flight:
     def stop_setpoints(self) -> None:
         self._setpoint = None
 
-    def told(self) -> Told:
-        return told(
+    def reported(self) -> ReportedSample:
+        return reported(
             [((time_s - self._begin_s) / self._clock, data) for time_s, data in self._port.sent],
             self.autopilot.system_id,
         )
 
 
-def assert_same(seen: Told, recorded: Told, kind: str, tolerance_s: float, *, later_s: float | None = None) -> None:
+def assert_same(
+    seen: ReportedSample, recorded: ReportedSample, kind: str, tolerance_s: float, *, later_s: float | None = None
+) -> None:
     """The same changes in the same order, at about the same times (those after the flight's landing: `later_s`)."""
     assert seen.values(kind) == recorded.values(kind)
     for number, (seen_s, recorded_s) in enumerate(zip(seen.times_s(kind), recorded.times_s(kind), strict=True)):
@@ -164,7 +166,7 @@ def assert_same(seen: Told, recorded: Told, kind: str, tolerance_s: float, *, la
         assert seen_s == pytest.approx(recorded_s, abs=allowed_s), (kind, number, recorded.values(kind)[number])
 
 
-def assert_same_rates(seen: Told, recorded: Told) -> None:
+def assert_same_rates(seen: ReportedSample, recorded: ReportedSample) -> None:
     assert set(recorded.counts) - NOT_STREAMED == set(seen.counts) - NOT_STREAMED
     for name in set(recorded.counts) - NOT_STREAMED:
         recorded_hz = recorded.counts[name] / recorded.duration_s
@@ -196,7 +198,7 @@ def pilot_sets(autopilot: Px4, mode: Mode) -> None:
 
 def test_px4_takes_off_loiters_and_returns_as_recorded() -> None:
     trace = load("px4_auto_takeoff_loiter_rtl")
-    at, recorded = trace.time_s, told(trace.frames, PX4_ID)
+    at, recorded = trace.time_s, reported(trace.frames, PX4_ID)
     flight, autopilot = px4_flight(0.14)
     autopilot.parameters["MIS_TAKEOFF_ALT"] = 5.0
     autopilot.arm_refusal = "system health"
@@ -210,7 +212,7 @@ def test_px4_takes_off_loiters_and_returns_as_recorded() -> None:
     flight.until(at("pilot_sets_mode", 1))
     pilot_sets(autopilot, RTL)
     flight.until(recorded.duration_s)
-    seen = flight.told()
+    seen = flight.reported()
     assert_same_rates(seen, recorded)
     assert seen.values("acks") == recorded.values("acks")
     assert_same(seen, recorded, "landed", 1.5, later_s=2.5)
@@ -223,9 +225,9 @@ def test_px4_takes_off_loiters_and_returns_as_recorded() -> None:
     assert climbed_m == pytest.approx(5.0, abs=0.3)
 
 
-def test_px4_is_flown_offboard_taken_by_the_pilot_and_recovered_as_recorded() -> None:
+def test_px4_is_executed_offboard_taken_by_the_pilot_and_recovered_as_recorded() -> None:
     trace = load("px4_offboard_manual_recover")
-    at, recorded = trace.time_s, told(trace.frames, PX4_ID)
+    at, recorded = trace.time_s, reported(trace.frames, PX4_ID)
     flight, autopilot = px4_flight(0.08)
     flight.until(0.09)
     ask_px4(flight)
@@ -260,7 +262,7 @@ def test_px4_is_flown_offboard_taken_by_the_pilot_and_recovered_as_recorded() ->
     flight.until(at("companion_begins_landing") + 0.2)
     flight.stop_setpoints()
     flight.until(recorded.duration_s)
-    seen = flight.told()
+    seen = flight.reported()
     assert_same_rates(seen, recorded)
     assert seen.values("acks") == recorded.values("acks")
     assert_same(seen, recorded, "landed", 0.5, later_s=2.5)
@@ -272,7 +274,7 @@ def test_px4_is_flown_offboard_taken_by_the_pilot_and_recovered_as_recorded() ->
 
 def test_px4_loses_gps_offboard_as_recorded() -> None:
     trace = load("px4_gps_loss_in_offboard")
-    at, recorded = trace.time_s, told(trace.frames, PX4_ID)
+    at, recorded = trace.time_s, reported(trace.frames, PX4_ID)
     flight, autopilot = px4_flight(0.24)
     autopilot.pilot_moves(autopilot.sticks)
     flight.until(0.25)
@@ -288,7 +290,7 @@ def test_px4_loses_gps_offboard_as_recorded() -> None:
     flight.until(at("gps_lost"))
     autopilot.lose_gps()
     flight.until(recorded.duration_s)
-    seen = flight.told()
+    seen = flight.reported()
     assert_same_rates(seen, recorded)
     assert seen.values("acks") == recorded.values("acks")
     assert_same(seen, recorded, "landed", 0.5, later_s=4.0)
@@ -298,9 +300,9 @@ def test_px4_loses_gps_offboard_as_recorded() -> None:
     assert_same(seen, recorded, "position is good", 1.2)
 
 
-def test_ardupilot_is_flown_guided_taken_by_the_pilot_and_recovered_as_recorded() -> None:
+def test_ardupilot_is_executed_guided_taken_by_the_pilot_and_recovered_as_recorded() -> None:
     trace = load("ardupilot_guided_manual_recover")
-    at, recorded = trace.time_s, told(trace.frames, ARDUPILOT_ID)
+    at, recorded = trace.time_s, reported(trace.frames, ARDUPILOT_ID)
     port, radio = MemoryPort(), MemoryPort()
     autopilot = ArduPilot(port, radio, boot_s=42.3, start=(0.0, 0.0, 0.01))
     autopilot.parameters["FLTMODE4"] = 3  # AUTO
@@ -352,7 +354,7 @@ def test_ardupilot_is_flown_guided_taken_by_the_pilot_and_recovered_as_recorded(
     flight.set_mode(ARDUPILOT_LAND)
     sticks[2] = 1000
     fly_until(recorded.duration_s)
-    seen = flight.told()
+    seen = flight.reported()
     assert_same_rates(seen, recorded)
     assert seen.values("acks") == recorded.values("acks")
     assert_same(seen, recorded, "heartbeat", 1.1)

@@ -137,7 +137,7 @@ def test_what_does_not_fit_is_refused_and_not_sent(flight: Flight) -> None:
     assert flight.autopilot.parameters == before
 
 
-def test_a_name_that_is_not_there_is_told_with_what_may_be_meant(flight: Flight) -> None:
+def test_a_name_that_is_not_there_is_reported_with_what_may_be_meant(flight: Flight) -> None:
     with pytest.raises(UalTimeoutError, match="no parameter of this name"):
         flight.uav.parameters.get("NOT_THERE")
     flight.uav.parameters.get_all()

@@ -25,7 +25,7 @@ def flight(request: pytest.FixtureRequest) -> Iterator[Flight]:
     flight.uav.close()
 
 
-def test_stream_rates_that_another_program_lowers_are_asked_for_again_but_not_all_the_time(flight: Flight) -> None:
+def test_stream_rates_that_another_program_lowers_are_requested_again_but_not_all_the_time(flight: Flight) -> None:
     flight.wait_for_state(State.LANDED_DISARMED)
     flight.let_pass(15.0)
     (channel, *_) = flight.autopilot.channels
@@ -93,7 +93,7 @@ def test_an_arducopter_4_7_flies_by_its_renamed_parameters(renamed: dict[str, tu
         flight.uav.close()
 
 
-def test_a_severe_text_is_told_by_health_and_by_the_log_and_ages(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_severe_text_is_reported_by_health_and_by_the_log_and_ages(caplog: pytest.LogCaptureFixture) -> None:
     flight = Flight("ardupilot")
     with flight.uav:
         flight.wait_for_state(State.LANDED_DISARMED)

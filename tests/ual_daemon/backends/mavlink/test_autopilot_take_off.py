@@ -106,7 +106,7 @@ def test_with_a_rangefinder_and_a_home_far_below_ardupilot_is_not_sent_up(copter
 
 
 @pytest.mark.parametrize("to", [LOITER, STABILIZED, MANUAL])
-def test_px4_does_not_climb_where_the_pilot_moved_the_switch_before_offboard_was_asked_for(to: Mode) -> None:
+def test_px4_does_not_climb_where_the_pilot_moved_the_switch_before_offboard_was_requested(to: Mode) -> None:
     flight = Flight("px4")
     try:
         autopilot = px4_of(flight)
@@ -136,7 +136,7 @@ def test_px4_does_not_climb_where_the_pilot_moved_the_switch_before_offboard_was
         flight.uav.close()
 
 
-def test_a_climb_beyond_what_was_asked_is_stopped_and_held(flight: Flight) -> None:
+def test_a_climb_beyond_what_was_commanded_is_stopped_and_held(flight: Flight) -> None:
     be_armed(flight)
     autopilot = flight.autopilot
     if isinstance(autopilot, ArduPilot):

@@ -185,7 +185,7 @@ def test_a_setpoint_has_left_when_send_returns(pair: Pair) -> None:
     assert autopilot.hear("SET_POSITION_TARGET_LOCAL_NED").z == -3.0
 
 
-def test_no_setpoint_and_no_command_goes_out_before_an_autopilot_is_heard() -> None:
+def test_no_setpoint_and_no_command_goes_out_before_an_autopilot_is_received() -> None:
     with opened(f"udpin://127.0.0.1:{free_port()}") as backend:
         backend.send(SETPOINT)
         for command in (
@@ -238,7 +238,7 @@ def test_a_command_ends_with_the_autopilots_acknowledgement(pair: Pair) -> None:
     autopilot.hear("COMMAND_LONG", command=mavlink.MAV_CMD_REQUEST_MESSAGE, param1=0.0)
 
 
-def test_a_stream_of_setpoints_opens_the_way_to_take_control(pair: Pair) -> None:
+def test_a_stream_of_setpoints_opens_the_path_to_take_control(pair: Pair) -> None:
     backend, autopilot = pair
     future = backend.take_control()
     stop = threading.Event()
@@ -282,7 +282,7 @@ def test_udpout_calls_the_autopilot() -> None:
         until(lambda: backend.snapshot().control.armed, "the autopilot's answer")
 
 
-def test_a_taken_port_is_told_and_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_taken_port_is_reported_and_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ual_daemon.backends.mavlink.links.connection.FIRST_PAUSE_S", 0.02)
     port = free_port()
     with contextlib.ExitStack() as stack:
@@ -303,7 +303,7 @@ def test_a_taken_port_is_told_and_tried_again(monkeypatch: pytest.MonkeyPatch) -
         until(lambda: not backend.snapshot().link.trouble, "the end of the trouble")
 
 
-def test_a_serial_line_that_is_pulled_out_is_in_the_reason_of_the_state(tmp_path: Path) -> None:
+def test_a_serial_link_that_is_pulled_out_is_in_the_reason_of_the_state(tmp_path: Path) -> None:
     device, theirs = open_terminal()
     line = tmp_path / "ttyACM0"
     line.symlink_to(os.ttyname(theirs))
@@ -328,7 +328,7 @@ def test_a_serial_line_that_is_pulled_out_is_in_the_reason_of_the_state(tmp_path
         assert why().startswith("nothing heard from the autopilot for ")
 
 
-def test_where_nothing_can_be_sent_to_is_told(caplog: pytest.LogCaptureFixture) -> None:
+def test_where_nothing_can_be_sent_to_is_reported(caplog: pytest.LogCaptureFixture) -> None:
     """The broadcast address of a net, which no URL shows to be one."""
     with opened("udpout://127.255.255.255:14999") as backend:
         text = "cannot send to 127.255.255.255: it is a broadcast address"
@@ -390,11 +390,11 @@ def test_a_defect_in_the_receiving_thread_is_logged_and_the_link_opened_anew(
         assert len(told) == 1
         old = len(seen)
 
-        def is_heard() -> bool:
+        def is_received() -> bool:
             autopilot.say(heartbeat(armed=True))
             return len(seen) > old and seen[-1].control.armed is not None
 
-        until(is_heard, "what is said afterwards")
+        until(is_received, "what is said afterwards")
 
 
 def test_closing_ends_the_updates_the_thread_and_the_socket() -> None:
@@ -422,7 +422,7 @@ def test_closing_from_an_update_does_not_wait_for_itself() -> None:
     backend.close()
 
 
-def test_a_backend_never_opened_can_be_asked_and_closed() -> None:
+def test_a_backend_never_opened_can_be_queried_and_closed() -> None:
     backend = MavlinkBackend(BackendOptions("uav_1"))
     assert backend.snapshot().motion.pose is None
     assert backend.info().autopilot == ""

@@ -184,7 +184,7 @@ def test_it_is_found_and_driven_through_all(uav: UAL, server: Server) -> None:
         camera.image()
 
 
-def test_what_it_refuses_is_told_in_its_words(uav: UAL, server: Server) -> None:
+def test_what_it_refuses_is_reported_in_its_words(uav: UAL, server: Server) -> None:
     camera = uav.cameras[0]
     server.feedback = server.plugin.CameraFeedback.FAILED
     with pytest.raises(RejectedByAutopilotError, match=r"camera 0 \(MAVSDK Server\) refused"):
@@ -195,7 +195,7 @@ def test_what_it_refuses_is_told_in_its_words(uav: UAL, server: Server) -> None:
     assert camera.status().storage.state is StorageState.FULL
 
 
-def test_one_that_vanishes_is_told_and_not_waited_for(uav: UAL, port: Routed) -> None:
+def test_one_that_vanishes_is_reported_and_not_waited_for(uav: UAL, port: Routed) -> None:
     port.is_cut = True
     until(lambda: not uav.cameras.get_all()[0].is_connected, seen=uav.cameras.get_all)
     with pytest.raises(ual.LinkLostError, match="is not heard: its last message came"):
@@ -285,10 +285,10 @@ def test_mavsdks_own_client_does_the_same_to_it(uav: UAL, server: Server, client
     assert [each[0] for each in done(lambda: theirs.take_photo(number))] == ["take_photo"]
     until(lambda: len(ours.photos()) == 2, seen=ours.photos)
 
-    def heard_by_them() -> list[str]:
+    def received_by_them() -> list[str]:
         return [each.file_url for each in theirs.list_photos(number, client.plugin.PhotosRange(0))]
 
-    until(lambda: heard_by_them() == [each.file_url for each in ours.photos()], seen=heard_by_them)
+    until(lambda: received_by_them() == [each.file_url for each in ours.photos()], seen=received_by_them)
 
 
 def test_what_it_refuses_is_refused_to_both(uav: UAL, server: Server, client: Client) -> None:

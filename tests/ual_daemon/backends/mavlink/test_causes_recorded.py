@@ -95,7 +95,7 @@ def test_a_failsafe_is_named_as_soon_as_its_mode_shows(name: str, modes: list[st
         ("ardupilot_guided_manual_recover", [("LOITER", Cause.SAFETY_PILOT)]),
     ],
 )
-def test_a_mode_that_is_flown_by_sticks_is_the_safety_pilots_at_once(
+def test_a_mode_that_is_executed_by_sticks_is_the_safety_pilots_at_once(
     name: str, expected: list[tuple[str, Cause]]
 ) -> None:
     found, harness = held(load(name))
@@ -151,7 +151,7 @@ def test_a_ground_stations_target_in_guided_is_another_senders() -> None:
         ("ardupilot_guided_manual_recover", [], []),
     ],
 )
-def test_only_what_is_severe_is_told_of_recorded_flights(name: str, texts: list[str], troubles: list[str]) -> None:
+def test_only_what_is_severe_learns_of_recorded_flights(name: str, texts: list[str], troubles: list[str]) -> None:
     watch, trace, lost_s = PositionWatch(ExternalSilence()), load(name), list[float]()
     said, told = dict[str, None](), dict[str, None]()
 

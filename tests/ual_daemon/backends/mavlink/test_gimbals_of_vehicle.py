@@ -62,7 +62,7 @@ def found(backend: MavlinkBackend) -> GimbalDriver:
 
 
 @pytest.mark.parametrize("component_id", [1, OWN])
-def test_it_is_found_ordered_and_seen(pair: Pair, component_id: int) -> None:
+def test_it_is_found_ordered_and_observed(pair: Pair, component_id: int) -> None:
     backend, autopilot = pair
     device_id = 1 if component_id == 1 else OWN
     say_as(autopilot, component_id, information(device_id), information(device_id))

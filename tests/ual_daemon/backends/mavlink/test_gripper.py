@@ -43,7 +43,9 @@ class Bench(Harness):
         super().__init__()
         messages = PayloadMessages()
         self.discovery = Discovery(MavlinkSettings(), self.link, "test", self.setpoints, None, messages)
-        reach = ProtocolAccess(lambda: self.discovery.session, self._reach, lambda act: act(self.discovery), self._give)
+        reach = ProtocolAccess(
+            lambda: self.discovery.session, self._require_session, lambda act: act(self.discovery), self._give
+        )
         self.gripper = MavlinkGripper(Orders(reach, self._command, messages))
         self.autopilot = autopilot
         self.orders: list[tuple[float, ...]] = []
@@ -69,7 +71,7 @@ class Bench(Harness):
         """The autopilot acknowledges."""
         self.receive(ack(command, result))
 
-    def _reach(self, what: str) -> MavlinkSession | UalError:
+    def _require_session(self, what: str) -> MavlinkSession | UalError:
         if self.discovery.session is None or not self.discovery.watch.is_up(self.now_s):
             return LinkLostError(f"cannot {what}: not heard")
         return self.session
@@ -78,7 +80,7 @@ class Bench(Harness):
         return OpenFutures().give(what, lambda future: begin(self.discovery, future))
 
     def _command(self, what: str, command: LongCommand) -> Future[None]:
-        session, result = self._reach(what), Future[None]()
+        session, result = self._require_session(what), Future[None]()
         if isinstance(session, UalError):
             result.set_exception(session)
             return result
@@ -213,7 +215,7 @@ HOLDING: list[Callable[[MavlinkGripper], Future[None]]] = [
 
 
 @pytest.mark.parametrize("order", LETTING_GO)
-def test_what_may_let_go_is_sent_once_and_a_lost_answer_is_told(
+def test_what_may_let_go_is_sent_once_and_a_lost_answer_is_reported(
     copter: Bench, order: Callable[[MavlinkGripper], Future[None]]
 ) -> None:
     ordered = order(copter.gripper)
@@ -241,7 +243,7 @@ def test_what_holds_is_sent_until_it_is_acknowledged(
     assert copter.orders == []
 
 
-def test_what_holds_is_given_up_in_the_end_also_into_a_silence(copter: Bench) -> None:
+def test_what_holds_is_abandoned_in_the_end_also_into_a_silence(copter: Bench) -> None:
     ordered = copter.gripper.grip(1)
     copter.fly(ANSWER_S + 0.4)
     failed(ordered, UalTimeoutError)
@@ -254,7 +256,7 @@ def test_what_holds_is_given_up_in_the_end_also_into_a_silence(copter: Bench) ->
     assert len(copter.orders) == 1
 
 
-def test_a_refusal_is_told_in_the_autopilots_words(copter: Bench) -> None:
+def test_a_refusal_is_reported_in_the_autopilots_words(copter: Bench) -> None:
     ordered = copter.gripper.set_servo(ServoOrder(1, 1100, 1000, 2000))
     copter.fly(0.05)
     said = mavlink.MAVLink_statustext_message(6, b"ServoRelayEvent: Channel 1 is already in use")
@@ -277,7 +279,7 @@ def test_px4_says_in_progress_first(px4: Bench) -> None:
     assert len(px4.orders) == 1
 
 
-def test_px4_that_never_ends_is_told(px4: Bench) -> None:
+def test_px4_that_never_ends_is_reported(px4: Bench) -> None:
     ordered = px4.gripper.release(1)
     px4.fly(0.05)
     px4.answer(GRIPPER, IN_PROGRESS)
@@ -327,7 +329,7 @@ def test_px4_that_tells_the_end_of_what_has_timed_out_has_not_refused(px4: Bench
     assert ordered.result(0) is None
 
 
-def test_px4_whose_order_under_way_is_replaced_by_others_tells_it(px4: Bench) -> None:
+def test_px4_whose_order_in_progress_is_replaced_by_others_tells_it(px4: Bench) -> None:
     ordered = px4.gripper.release(1)
     px4.fly(0.05)
     px4.answer(GRIPPER, IN_PROGRESS)
@@ -387,7 +389,7 @@ def test_without_a_link_nothing_is_ordered(copter: Bench) -> None:
     assert copter.orders == []
 
 
-def test_an_autopilot_that_boots_ends_what_is_under_way(copter: Bench) -> None:
+def test_an_autopilot_that_boots_ends_what_is_in_progress(copter: Bench) -> None:
     release, relay = copter.gripper.release(1), copter.gripper.relay_is_on(1)
     copter.fly(0.05)
     copter.discovery.protocols.drop("the autopilot has booted")

@@ -180,7 +180,7 @@ def test_a_picture_comes_as_it_is_with_its_size(
         "no HTTP",
     ],
 )
-def test_what_is_wrong_is_told(
+def test_what_is_wrong_is_reported(
     server: Server,
     pictures: HttpPictures,
     monkeypatch: pytest.MonkeyPatch,
@@ -196,7 +196,7 @@ def test_what_is_wrong_is_told(
 
 
 @pytest.mark.parametrize("url", ["http://localhost/1", "mftp://DCIM/1.jpg", "file:///etc/passwd", "http://[", ""])
-def test_no_other_host_is_asked(pictures: HttpPictures, url: str) -> None:
+def test_no_other_host_is_queried(pictures: HttpPictures, url: str) -> None:
     with pytest.raises(NotSupportedError, match=r"only http and https|add 'localhost' to mavlink.picture_hosts"):
         pictures.fetch(url).result(LIMIT_S)
 
@@ -283,7 +283,7 @@ def camera(pictures: HttpPictures, *urls: str) -> MavlinkCamera:
     return MavlinkCamera(*made)
 
 
-def test_a_camera_gives_the_picture_of_a_photo_that_it_has_told(server: Server, pictures: HttpPictures) -> None:
+def test_a_camera_gives_the_picture_of_a_photo_that_it_has_reported(server: Server, pictures: HttpPictures) -> None:
     server.answers["/1"], server.answers["/2"] = gives(JPEG), gives(PNG)
     tested = camera(pictures, "", f"{server.url}/1", f"{server.url}/2")
     assert CameraAbility.IMAGE in tested.info.abilities

@@ -48,7 +48,7 @@ class Weather:
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_in_bad_weather_everything_is_asked_and_only_what_was_sent_is_believed(seed: int) -> None:
+def test_in_bad_weather_everything_is_queried_and_only_what_was_sent_is_believed(seed: int) -> None:
     harness, down, up = Harness(), Weather(seed), Weather(seed + 100)
     asked: set[float] = set()
     sent_count = 0

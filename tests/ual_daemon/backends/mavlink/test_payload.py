@@ -168,12 +168,12 @@ def test_a_message_of_a_payload_can_be_requested_once_and_as_a_stream(pair: Pair
     once.result(LIMIT_S)
     backend.payload().request_message("GIMBAL_MANAGER_STATUS", 10.0)
 
-    def is_asked() -> bool:
+    def is_requested() -> bool:
         asked = autopilot.hear("COMMAND_LONG", command=mavlink.MAV_CMD_SET_MESSAGE_INTERVAL)
         autopilot.say(ack(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, ACCEPTED))
         return (asked.param1, asked.param2) == (status_id, 1e5)
 
-    until(is_asked, "the request of a stream")
+    until(is_requested, "the request of a stream")
 
 
 def test_messages_that_the_daemon_needs_at_its_own_rates_cannot_be_requested(pair: Pair) -> None:

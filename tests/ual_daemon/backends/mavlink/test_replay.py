@@ -117,7 +117,7 @@ def test_an_offboard_flight_taken_twice_by_the_pilot_and_recovered() -> None:
     assert harness.snapshot().condition.battery is not None
 
 
-def test_a_lost_position_is_told_though_positions_keep_coming() -> None:
+def test_a_lost_position_is_reported_though_positions_keep_coming() -> None:
     trace = load("px4_gps_loss_in_offboard")
     changes, harness = fly(trace)
     at = trace.time_s

@@ -33,7 +33,7 @@ def test_bad_settings_are_refused_with_their_key(settings: dict[str, Any], key: 
     assert caught.value.key == key
 
 
-def test_the_command_line_wins_over_the_settings_and_they_over_the_default() -> None:
+def test_the_command_wins_over_the_settings_and_they_over_the_default() -> None:
     configured = {"url": "udp://:2"}
     assert MavlinkBackend(BackendOptions("uav_1", "udp://:1", configured)).options.url == "udp://:1"
     assert MavlinkBackend(BackendOptions("uav_1", None, configured)).options.url == "udp://:2"

@@ -190,7 +190,7 @@ def test_a_link_that_is_lost_is_lost_for_all_and_comes_back_for_all() -> None:
 # --- The parts of a link ----------------------------------------------------------------------------------------------
 
 
-class Line:
+class LinkStub:
     """A shared port, the parts of it for two systems, and one who sends to it."""
 
     def __init__(self) -> None:
@@ -216,44 +216,44 @@ class Line:
 
 
 @pytest.fixture
-def line() -> Iterator[Line]:
-    line = Line()
-    yield line
-    line.close()
+def serial_link_stub() -> Iterator[LinkStub]:
+    serial_link_stub = LinkStub()
+    yield serial_link_stub
+    serial_link_stub.close()
 
 
 def got(link: VehicleLink) -> bytes:
     return b"".join(data for data, _ in link.receive(0.0))
 
 
-def test_a_datagram_of_several_systems_is_taken_apart(line: Line) -> None:
+def test_a_datagram_of_several_systems_is_taken_apart(serial_link_stub: LinkStub) -> None:
     own, other, strange = packer(7)(position(1.0)), packer(8)(position(2.0)), packer(9)(position(3.0))
     heard = packer(9)(heartbeat())
     received = [b"", b""]
 
     def has_come() -> bool:
-        received[:] = [before + got(link) for before, link in zip(received, line.links, strict=True)]
+        received[:] = [before + got(link) for before, link in zip(received, serial_link_stub.links, strict=True)]
         return all(heard in each for each in received)
 
-    line.say_until(own + strange + other + heard, has_come)
+    serial_link_stub.say_until(own + strange + other + heard, has_come)
     assert own in received[0]
     assert received[0].replace(own, b"").replace(heard, b"") == b""
     assert received[1].replace(other, b"").replace(heard, b"") == b""
 
 
-def test_the_port_is_free_once_the_last_has_left(line: Line) -> None:
-    line.say_until(packer(7)(heartbeat()), lambda: got(line.links[0]))
-    line.links[0].close()
-    line.say_until(packer(8)(heartbeat()), lambda: got(line.links[1]))
-    line.links[1].close()
+def test_the_port_is_free_once_the_last_has_left(serial_link_stub: LinkStub) -> None:
+    serial_link_stub.say_until(packer(7)(heartbeat()), lambda: got(serial_link_stub.links[0]))
+    serial_link_stub.links[0].close()
+    serial_link_stub.say_until(packer(8)(heartbeat()), lambda: got(serial_link_stub.links[1]))
+    serial_link_stub.links[1].close()
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        probe.bind((HERE, line.port))
+        probe.bind((HERE, serial_link_stub.port))
 
 
 def test_what_nobody_takes_does_not_pile_up() -> None:
-    line = Line()
+    serial_link_stub = LinkStub()
     try:
-        link, frame = line.links[0], packer(7)(position(1.0))
+        link, frame = serial_link_stub.links[0], packer(7)(position(1.0))
         for _ in range(2 * QUEUE_BYTES // len(frame)):
             link.put((frame, None))
         taken = 0
@@ -265,22 +265,24 @@ def test_what_nobody_takes_does_not_pile_up() -> None:
         link.put((frame, None))
         assert got(link) == frame
     finally:
-        line.close()
+        serial_link_stub.close()
 
 
-def test_a_defect_in_reading_ends_nothing(line: Line, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_defect_in_reading_ends_nothing(serial_link_stub: LinkStub, monkeypatch: pytest.MonkeyPatch) -> None:
     frame = packer(7)(heartbeat())
-    line.say_until(frame, lambda: got(line.links[0]))
+    serial_link_stub.say_until(frame, lambda: got(serial_link_stub.links[0]))
     with monkeypatch.context() as patch:
         patch.setattr(shared_link, "pieces", lambda _: 1 / 0)
-        line.say_until(frame, lambda: line.links[0].trouble)
-    line.say_until(frame, lambda: line.links[0].connections_count > 1 and got(line.links[0]))
+        serial_link_stub.say_until(frame, lambda: serial_link_stub.links[0].trouble)
+    serial_link_stub.say_until(
+        frame, lambda: serial_link_stub.links[0].connections_count > 1 and got(serial_link_stub.links[0])
+    )
 
 
 # --- Which vehicles ---------------------------------------------------------------------------------------------------
 
 
-def test_vehicles_on_one_link_must_be_told_apart() -> None:
+def test_vehicles_on_one_link_must_be_distinguished() -> None:
     with pytest.raises(ConfigError, match=r"udp://:14550: other vehicles are on this link, so say which"):
         fleet(["udp://:14550?system_id=1", "udp://:14550"])
     key = MavlinkBackend.vehicle_key

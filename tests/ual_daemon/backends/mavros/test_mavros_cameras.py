@@ -66,7 +66,9 @@ def test_conformance(uav: UAL, check: conformance.Check) -> None:
     conformance.run_check(Flight(uav), check)
 
 
-def test_a_picture_is_ordered_once_and_told_with_its_place(uav: UAL, backend: LockstepMavros, trigger: Trigger) -> None:
+def test_a_picture_is_ordered_once_and_reported_with_its_position(
+    uav: UAL, backend: LockstepMavros, trigger: Trigger
+) -> None:
     before_s = backend.utc_s()
     photo = uav.cameras[0].take_photo()
     assert len(trigger.places) == 1
@@ -87,7 +89,7 @@ def test_a_picture_is_ordered_once_and_told_with_its_place(uav: UAL, backend: Lo
 
 
 @pytest.mark.parametrize("backend", ["px4-2", "ardupilot-1"], indirect=True)
-def test_by_distance_each_picture_is_told_where_it_was_taken(
+def test_by_distance_each_picture_is_reported_where_it_was_taken(
     uav: UAL, backend: LockstepMavros, trigger: Trigger
 ) -> None:
     fly(uav, backend)
@@ -180,7 +182,7 @@ def test_what_is_due_while_an_order_waits_is_missed_and_a_boot_ends_it() -> None
         answers.append(Future())
         return answers[-1]
 
-    def look() -> Viewpoint:
+    def poll_once() -> Viewpoint:
         return Viewpoint(boots_count=1)
 
     means = CameraServices(
@@ -189,7 +191,7 @@ def test_what_is_due_while_an_order_waits_is_missed_and_a_boot_ends_it() -> None
         OpenFutures().give,
         lambda _: None,
         lambda: at(0.0),
-        look,
+        poll_once,
         lambda: 1.9e9,
         bool,
         int,

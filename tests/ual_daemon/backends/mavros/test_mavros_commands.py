@@ -73,14 +73,14 @@ class Exchange:
         self.runner.on_answer(key, reply.verdict, self.now_s, reply.text, reply.by)
 
 
-def test_a_mode_that_was_not_answered_is_not_asked_for_again() -> None:
+def test_a_mode_that_was_not_answered_is_not_requested_again() -> None:
     it = Exchange()
     it.step(4.0, heartbeat="POSCTL")
     it.step(4.0, heartbeat="POSCTL")
     assert len(it.calls) == 1
 
 
-def test_a_mode_is_asked_for_again_when_a_heartbeat_after_the_answer_shows_the_old_one() -> None:
+def test_a_mode_is_requested_again_when_a_heartbeat_after_the_answer_shows_the_old_one() -> None:
     it = Exchange()
     it.step(0.1)
     it.answer(mode_sent=True)
@@ -100,7 +100,7 @@ def test_a_heartbeat_right_after_the_answer_does_not_say_that_a_mode_was_not_ent
     assert len(it.calls) == 1
 
 
-def test_a_heartbeat_that_is_old_when_a_mode_may_be_asked_for_again_is_not_enough() -> None:
+def test_a_heartbeat_that_is_old_when_a_mode_may_be_requested_again_is_not_enough() -> None:
     it = Exchange()
     it.step(0.02)
     it.answer(mode_sent=True)
@@ -109,7 +109,7 @@ def test_a_heartbeat_that_is_old_when_a_mode_may_be_asked_for_again_is_not_enoug
     assert len(it.calls) == 1
 
 
-def test_a_mode_is_asked_for_again_where_a_heartbeat_comes_each_second() -> None:
+def test_a_mode_is_requested_again_where_a_heartbeat_comes_each_second() -> None:
     it = Exchange()
     for count in range(1, 5):
         it.step(0.1)
@@ -118,7 +118,7 @@ def test_a_mode_is_asked_for_again_where_a_heartbeat_comes_each_second() -> None
         it.step(0.9, heartbeat="POSCTL")
 
 
-def test_a_mode_that_was_shown_is_not_asked_for_again() -> None:
+def test_a_mode_that_was_shown_is_not_requested_again() -> None:
     it = Exchange()
     it.step(0.1)
     it.answer(mode_sent=True)
@@ -240,7 +240,7 @@ def test_a_service_that_has_not_answered_in_time_refuses_nothing() -> None:
         ({"mode_sent": True}, "PX4 refused to take control: the mode was not entered; it said: no position"),
     ],
 )
-def test_why_a_mode_was_not_entered_is_told(answer: dict[str, object], text: str) -> None:
+def test_why_a_mode_was_not_entered_is_reported(answer: dict[str, object], text: str) -> None:
     it = Exchange()
     it.step(0.1)
     it.answer(answer)

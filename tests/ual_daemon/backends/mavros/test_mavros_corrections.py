@@ -35,7 +35,7 @@ def uav(backend: LockstepMavros) -> Iterator[UAL]:
         yield uav
 
 
-def test_they_reach_the_receiver_whole_and_in_order(uav: UAL, backend: LockstepMavros) -> None:
+def test_they_get_to_the_receiver_whole_and_in_order(uav: UAL, backend: LockstepMavros) -> None:
     sent, receiver = messages(LENGTHS * 2), backend.autopilot.receiver
     status = uav.corrections.stream(iter(sent), "a base")
     until(lambda: b"".join(receiver.pieces) == b"".join(sent), "the bytes", seen=uav.corrections.status)
@@ -70,7 +70,7 @@ class Bench:
         self.corrections.tick(self.now_s)
 
 
-def test_none_takes_the_place_of_one_that_waits() -> None:
+def test_none_replaces_one_that_waits() -> None:
     bench = Bench()
     for each in messages([100, 360]):
         bench.corrections.inject(each)
@@ -86,7 +86,7 @@ def test_none_takes_the_place_of_one_that_waits() -> None:
     assert bench.corrections.age_s(bench.now_s + 1.0) == 1.0
 
 
-def test_what_waits_while_the_autopilot_is_not_heard_is_dropped_and_counted() -> None:
+def test_what_waits_while_the_autopilot_is_not_received_is_dropped_and_counted() -> None:
     bench = Bench()
     for each in messages([360, 100]):
         bench.corrections.inject(each)
@@ -99,7 +99,7 @@ def test_what_waits_while_the_autopilot_is_not_heard_is_dropped_and_counted() ->
     assert len(bench.published) == 1
 
 
-def test_the_base_line_is_told_while_it_comes() -> None:
+def test_the_baseline_is_reported_while_it_comes() -> None:
     telemetry = MavrosTelemetry(ArduCopter(), LinkWatch("a bridge", 1.0), lambda: 0.0)
     fix = {
         "status": {"status": 0},
@@ -111,9 +111,9 @@ def test_the_base_line_is_told_while_it_comes() -> None:
     telemetry.update(topics.FIX, fix, 10.0)
     telemetry.update(topics.GPS_RTK, {"baseline_a": 3000, "baseline_b": -4000, "baseline_c": 0}, 10.0)
 
-    def told_m(now_s: float) -> float | None:
+    def reported_m(now_s: float) -> float | None:
         gps = telemetry.snapshot(now_s).condition.gps
         return None if gps is None else gps.baseline_m
 
-    assert told_m(10.5) == 5.0
-    assert told_m(10.0 + FRESH_S + 0.1) is None
+    assert reported_m(10.5) == 5.0
+    assert reported_m(10.0 + FRESH_S + 0.1) is None

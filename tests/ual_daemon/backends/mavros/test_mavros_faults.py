@@ -93,7 +93,7 @@ def px4() -> Iterator[Flight]:
         yield Flight(backend, uav)
 
 
-def test_arming_that_a_mavros_took_with_it_is_not_told_as_refused() -> None:
+def test_arming_that_a_mavros_took_with_it_is_not_reported_as_refused() -> None:
     """With ROS 1 rosbridge says at once that the call was lost. Whether the autopilot got it is not known."""
     backend = make("px4", 1)
     with UAL(backend, allow_arming=True) as uav:
@@ -106,7 +106,7 @@ def test_arming_that_a_mavros_took_with_it_is_not_told_as_refused() -> None:
             uav.arm()
 
 
-def test_a_bridge_that_goes_in_flight_is_told_and_heals_by_itself(flight: Flight) -> None:
+def test_a_bridge_that_goes_in_flight_is_reported_and_heals_by_itself(flight: Flight) -> None:
     flight.fly()
     task = flight.uav.go_to_waypoint(_GOAL, blocking=False)
     gone = flight.mark()
@@ -169,7 +169,7 @@ def test_a_daemon_that_finds_a_px4_without_setpoints_takes_control_back() -> Non
         ("estimator_status", 3.5, "whether its position is good"),
     ],
 )
-def test_a_topic_that_stops_is_told_by_name(px4: Flight, topic: str, within_s: float, text: str) -> None:
+def test_a_topic_that_stops_is_reported_by_name(px4: Flight, topic: str, within_s: float, text: str) -> None:
     px4.until_state(State.LANDED_DISARMED)
     px4.until(lambda: px4.now_s() > 8.0)
     stopped = px4.mark()
@@ -190,7 +190,7 @@ def test_what_need_not_come_need_not_come(px4: Flight, topic: str) -> None:
     assert px4.uav.telemetry().state is State.FLYING_AUTO
 
 
-def test_motors_that_a_switch_stops_are_told_by_the_outputs_where_its_text_is_lost() -> None:
+def test_motors_that_a_switch_stops_are_reported_by_the_outputs_where_its_text_is_lost() -> None:
     backend = make("ardupilot")
     with UAL(backend, allow_arming=True) as uav:
         flight = Flight(backend, uav)
@@ -292,7 +292,7 @@ def test_a_pilot_who_takes_over_during_a_call_gets_no_setpoint_that_waited(px4: 
     assert not [time_s for time_s, _ in px4.backend.node.setpoints if time_s > told_s + 0.02]
 
 
-def test_a_mode_is_not_asked_for_where_the_call_would_wait_until_the_pilot_has_taken_over(px4: Flight) -> None:
+def test_a_mode_is_not_requested_where_the_call_would_wait_until_the_pilot_has_taken_over(px4: Flight) -> None:
     px4.fly()
     modes = record_modes(px4)
     px4.backend.bridge.faults.slow_services["/mavros/cmd/command"] = 5.0
@@ -379,7 +379,7 @@ def test_a_pilot_who_takes_back_at_once_is_not_overruled(px4: Flight) -> None:
     assert px4.uav.telemetry().state is State.FLYING_MANUAL
 
 
-def test_topics_that_need_not_come_are_not_asked_for_in_flight(px4: Flight) -> None:
+def test_topics_that_need_not_come_are_not_requested_in_flight(px4: Flight) -> None:
     """MAVROS executes no mode with ROS 2 while it waits for the acknowledgement of such a request."""
     px4.fly()
     intervals = record(px4, "set_message_interval")
@@ -390,7 +390,7 @@ def test_topics_that_need_not_come_are_not_asked_for_in_flight(px4: Flight) -> N
 
 
 @pytest.mark.parametrize(("kind", "ros"), [("ardupilot", 1), ("ardupilot", 2), ("px4", 2)])
-def test_no_streams_are_asked_for_in_flight_after_a_reconnection(kind: str, ros: int) -> None:
+def test_no_streams_are_requested_in_flight_after_a_reconnection(kind: str, ros: int) -> None:
     backend = make(kind, ros)
     with UAL(backend, allow_arming=True) as uav:
         it = Flight(backend, uav)
@@ -406,7 +406,7 @@ def test_no_streams_are_asked_for_in_flight_after_a_reconnection(kind: str, ros:
         assert intervals == []
 
 
-def test_messages_that_come_late_and_out_of_order_are_flown_with(flight: Flight) -> None:
+def test_messages_that_come_late_and_out_of_order_are_executed_with(flight: Flight) -> None:
     flight.until(flight.uav.is_ready)
     flight.backend.bridge.faults.delay_s, flight.backend.bridge.faults.jitter_s = 0.03, 0.06
     flight.fly()
@@ -437,7 +437,7 @@ def go(uav: UAL) -> None:
     uav.go_to_waypoint(_GOAL, blocking=False)
 
 
-def test_a_reboot_is_seen_though_mavros_does_not_notice_it(px4: Flight) -> None:
+def test_a_reboot_is_observed_though_mavros_does_not_notice_it(px4: Flight) -> None:
     px4.until_state(State.LANDED_DISARMED)
     before = px4.backend.snapshot().link.boots_count
     booted = px4.mark()

@@ -60,7 +60,7 @@ def test_conformance(uav: UAL, check: conformance.Check) -> None:
 
 
 @pytest.mark.parametrize("backend", ["ardupilot"], indirect=True)
-def test_a_gimbal_that_does_not_tell_where_it_looks_says_so(uav: UAL, mount: Mount) -> None:
+def test_a_gimbal_that_does_not_tell_where_it_points_says_so(uav: UAL, mount: Mount) -> None:
     """ArduPilot says it by a message that MAVROS of ROS 1 does not know."""
     [info] = uav.gimbals.get_all()
     assert info.note == "MAVROS does not tell where it looks"
@@ -121,7 +121,7 @@ def test_what_follows_holds_up_no_command(uav: UAL, backend: LockstepMavros) -> 
     assert gimbal.status().problems == ()
 
 
-def test_an_order_that_is_refused_or_not_answered_is_told(uav: UAL, backend: LockstepMavros) -> None:
+def test_an_order_that_is_refused_or_not_answered_is_reported(uav: UAL, backend: LockstepMavros) -> None:
     gimbal = uav.gimbals[0]
     backend.autopilot.ignored |= {PITCH_YAW, MOUNT_CONTROL}
     with pytest.raises(UalTimeoutError, match="MAVROS has not answered the command to turn the gimbal"):
@@ -133,7 +133,7 @@ def test_an_order_that_is_refused_or_not_answered_is_told(uav: UAL, backend: Loc
 
 
 @pytest.mark.parametrize("backend", ["ardupilot-ros2"], indirect=True)
-def test_where_it_looks_is_not_known_for_long(uav: UAL, backend: LockstepMavros, mount: Mount) -> None:
+def test_where_it_points_is_not_known_for_long(uav: UAL, backend: LockstepMavros, mount: Mount) -> None:
     gimbal = uav.gimbals[0]
     mount.failures = 2
     until(lambda: gimbal.status().problems == ("its pitch is at a limit",), "its failure")

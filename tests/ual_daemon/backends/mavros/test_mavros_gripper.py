@@ -46,7 +46,7 @@ def ordered(backend: LockstepMavros) -> list[tuple[float, ...]]:
 
 
 @pytest.mark.parametrize("backend", ["ardupilot"], indirect=True)
-def test_orders_reach_the_autopilot_once_and_its_refusals_are_told(uav: UAL, backend: LockstepMavros) -> None:
+def test_orders_get_to_the_autopilot_once_and_its_refusals_are_reported(uav: UAL, backend: LockstepMavros) -> None:
     orders: list[Callable[[], None]] = [
         uav.gripper.release,
         lambda: uav.gripper.order_winch(WinchAction.LENGTH, length_m=2.0),
@@ -71,7 +71,7 @@ def test_the_gripper_is_what_its_texts_say(uav: UAL, backend: LockstepMavros) ->
 
 
 @pytest.mark.parametrize("backend", ["ardupilot"], indirect=True)
-def test_an_order_that_is_not_acknowledged_is_told_so(uav: UAL, backend: LockstepMavros) -> None:
+def test_an_order_that_is_not_acknowledged_learns_it(uav: UAL, backend: LockstepMavros) -> None:
     backend.autopilot.ignored.add(GRIPPER)
     with pytest.raises(UalTimeoutError, match="MAVROS has not answered the command to release the gripper"):
         uav.gripper.release()

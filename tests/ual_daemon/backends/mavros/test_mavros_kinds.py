@@ -53,7 +53,7 @@ def test_one_vtol_state_takes_no_flying_uav_away(flight: Flight) -> None:
     flight.uav.land()
 
 
-def test_another_type_counts_on_the_ground_and_while_it_is_said(flight: Flight) -> None:
+def test_another_type_counts_on_the_ground_and_while_it_is_reported(flight: Flight) -> None:
     flight.fly()
     autopilot = flight.backend.autopilot
     own, autopilot.kind = autopilot.kind, mavlink.MAV_TYPE_FIXED_WING
@@ -66,7 +66,7 @@ def test_another_type_counts_on_the_ground_and_while_it_is_said(flight: Flight) 
     flight.until(lambda: flight.uav.state() is State.LANDED_DISARMED)
 
 
-def test_a_severe_text_is_told_by_health_and_by_the_log(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_severe_text_is_reported_by_health_and_by_the_log(caplog: pytest.LogCaptureFixture) -> None:
     backend = make("ardupilot")
     with UAL(backend, allow_arming=True) as uav:
         flight = Flight(backend, uav)

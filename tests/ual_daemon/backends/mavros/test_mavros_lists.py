@@ -48,18 +48,18 @@ def stand(uav: UAL) -> None:
     until(lambda: uav.telemetry().position_geo is not None, "its place", seen=uav.telemetry)
 
 
-def place(backend: LockstepMavros, north_m: float, east_m: float) -> tuple[float, float]:
+def current_position(backend: LockstepMavros, north_m: float, east_m: float) -> tuple[float, float]:
     found = backend.autopilot.projection.to_geo(Vector3(east_m, north_m, 0.0))
     return round(found.latitude_deg, 7), round(found.longitude_deg, 7)
 
 
 def square(backend: LockstepMavros, size_m: float = 50.0) -> FenceZone:
     corners = ((-size_m, -size_m), (-size_m, size_m), (size_m, size_m), (size_m, -size_m))
-    return FenceZone(is_inclusion=True, points=tuple(place(backend, *each) for each in corners))
+    return FenceZone(is_inclusion=True, points=tuple(current_position(backend, *each) for each in corners))
 
 
 def mission(backend: LockstepMavros, count: int) -> list[Item]:
-    way = [Waypoint(*place(backend, 5.0 + number, 3.0 * (number % 2)), 12.0) for number in range(count)]
+    way = [Waypoint(*current_position(backend, 5.0 + number, 3.0 * (number % 2)), 12.0) for number in range(count)]
     return [TakeOff(10.0), Speed(4.0), *way, HoldTime(2.0), ReturnToLaunch()]
 
 
@@ -97,8 +97,10 @@ def test_a_mission_that_was_cut_off_is_not_started(backend: LockstepMavros, tmp_
 
 
 def test_a_fence_and_rally_points_are_kept_and_applied(uav: UAL, backend: LockstepMavros) -> None:
-    circle = FenceZone(is_inclusion=False, points=(place(backend, 30.0, 30.0),), radius_m=5.0)
-    plan = FencePlan((square(backend), circle), (RallyPoint(*place(backend, 5.0, 0.0), 15, AltitudeReference.HOME),))
+    circle = FenceZone(is_inclusion=False, points=(current_position(backend, 30.0, 30.0),), radius_m=5.0)
+    plan = FencePlan(
+        (square(backend), circle), (RallyPoint(*current_position(backend, 5.0, 0.0), 15, AltitudeReference.HOME),)
+    )
     kept = uav.fence.upload(plan)
     assert kept == uav.fence.get()
     assert [(each.is_inclusion, each.points, each.radius_m) for each in kept.zones] == [
@@ -170,7 +172,7 @@ def test_a_plugin_that_is_not_there_is_named(uav: UAL, backend: LockstepMavros) 
         uav.fence.get()
 
 
-def test_a_mavros_that_dies_in_an_upload_is_told_and_the_next_one_reads(uav: UAL, backend: LockstepMavros) -> None:
+def test_a_mavros_that_dies_in_an_upload_is_reported_and_the_next_one_reads(uav: UAL, backend: LockstepMavros) -> None:
     if backend.node.ros == 2:
         pytest.skip("it is not answered, and ends with its time: see the parameters")
     backend.node.dies_in = "mission/push"
@@ -180,7 +182,7 @@ def test_a_mavros_that_dies_in_an_upload_is_told_and_the_next_one_reads(uav: UAL
     assert uav.mission.download().items == ()
 
 
-def test_a_plugin_that_is_busy_is_asked_again(uav: UAL, backend: LockstepMavros) -> None:
+def test_a_plugin_that_is_busy_is_queried_again(uav: UAL, backend: LockstepMavros) -> None:
     with backend.autopilot.lock:
         for plugin in backend.node.lists:
             plugin.fetch()

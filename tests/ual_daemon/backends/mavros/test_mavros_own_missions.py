@@ -8,7 +8,7 @@ import pytest
 
 from tests.conftest import LIMIT_S
 from tests.ual_daemon.backends.mavros.test_mavros_faults import Flight, make
-from tests.ual_daemon.backends.mavros.test_mavros_lists import place
+from tests.ual_daemon.backends.mavros.test_mavros_lists import current_position
 from ual.errors import TaskAbortedError, WrongStateError
 from ual.missions import HoldTime, Item, Jump, ReturnToLaunch, TakeOff, Waypoint
 from ual.missions.plan import LinkLossAction, MissionStage
@@ -29,7 +29,7 @@ def flight(request: pytest.FixtureRequest) -> Iterator[Flight]:
 
 
 def at(flight: Flight, north_m: float, east_m: float) -> Waypoint:
-    return Waypoint(*place(flight.backend, north_m, east_m), 6.0)
+    return Waypoint(*current_position(flight.backend, north_m, east_m), 6.0)
 
 
 def stand_armed(flight: Flight) -> None:
@@ -46,7 +46,7 @@ def item_of(flight: Flight) -> int:
     return flight.uav.mission.progress().item or 0
 
 
-def test_it_is_flown_from_the_ground_and_ends_in_the_air(flight: Flight) -> None:
+def test_it_is_executed_from_the_ground_and_ends_in_the_air(flight: Flight) -> None:
     stand_armed(flight)
     flight.uav.mission.upload([TakeOff(6.0), at(flight, 8, 0), at(flight, 8, 8)])
     begun_count = flight.setpoints_count
@@ -74,12 +74,12 @@ def test_it_is_paused_resumed_jumped_and_taken_by_the_pilot(flight: Flight) -> N
     flight.fly()
     flight.uav.mission.upload([at(flight, 60, 0), at(flight, 60, 20), at(flight, 0, 20)])
     task = flight.uav.task(flight.uav.mission.start().id)
-    flight.until(lambda: flight.backend.autopilot.place[0] > 3.0)
+    flight.until(lambda: flight.backend.autopilot.current_position[0] > 3.0)
     flight.uav.mission.pause()
     flight.until(lambda: "holds on our mission" in flight.uav.telemetry().state_reason)
     flight.uav.mission.resume()
-    north_m = flight.backend.autopilot.place[0]
-    flight.until(lambda: flight.backend.autopilot.place[0] > north_m + 3.0)
+    north_m = flight.backend.autopilot.current_position[0]
+    flight.until(lambda: flight.backend.autopilot.current_position[0] > north_m + 3.0)
     flight.uav.mission.jump_to(3)
     flight.until(lambda: item_of(flight) == 3)
     flight.backend.autopilot.pilot_take_over()
@@ -92,7 +92,7 @@ def test_it_is_stopped_while_its_position_is_lost(flight: Flight) -> None:
     flight.fly()
     flight.uav.mission.upload([at(flight, 300, 0), at(flight, 300, 20)])
     task = flight.uav.task(flight.uav.mission.start().id)
-    flight.until(lambda: flight.backend.autopilot.place[0] > 3.0)
+    flight.until(lambda: flight.backend.autopilot.current_position[0] > 3.0)
     builders = flight.backend.autopilot.builders
     told = builders[mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED]
     builders[mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED] = lambda: None

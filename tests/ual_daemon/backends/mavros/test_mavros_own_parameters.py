@@ -78,7 +78,7 @@ def test_a_plugin_that_is_not_there_is_named(uav: UAL, backend: LockstepMavros) 
         uav.parameters.get_all()
 
 
-def test_a_mavros_that_dies_meanwhile_is_told_and_the_next_one_answers(uav: UAL, backend: LockstepMavros) -> None:
+def test_a_mavros_that_dies_meanwhile_is_reported_and_the_next_one_answers(uav: UAL, backend: LockstepMavros) -> None:
     """ROS 1 tells it at once; with ROS 2 the call is never answered."""
     is_ros2 = backend.node.ros == 2
     backend.node.dies_in = "param/set" if is_ros2 else "param/pull"

@@ -58,7 +58,7 @@ def test_the_limits_of_each_version_are_read(known: dict[str, float]) -> None:
     assert Copter().limits(bench.read).horizontal_speed_m_s == 10.0
 
 
-def test_a_mavros_that_has_fetched_none_is_not_asked_for_each() -> None:
+def test_a_mavros_that_has_fetched_none_is_not_requested_each() -> None:
     """It logs an error for each."""
     bench = Bench({})
     bench.tick(0.0)
@@ -68,7 +68,7 @@ def test_a_mavros_that_has_fetched_none_is_not_asked_for_each() -> None:
     assert bench.reader.missing == ()
 
 
-def test_what_is_beside_flying_is_asked_for_once_and_again_after_a_boot() -> None:
+def test_what_is_next_to_flying_is_requested_once_and_again_after_a_boot() -> None:
     """MAVROS logs an error for each that the autopilot does not have."""
     bench = Bench({**OLD, **OTHERS, "MNT1_TYPE": 1.0})
     bench.reader = ParameterReader(
@@ -85,7 +85,7 @@ def test_what_is_beside_flying_is_asked_for_once_and_again_after_a_boot() -> Non
     assert [name for name in bench.asked if name.startswith("MNT")] == list(wanted)
 
 
-def test_what_is_beside_flying_is_asked_for_again_where_the_answer_was_lost() -> None:
+def test_what_is_next_to_flying_is_requested_again_where_the_answer_was_lost() -> None:
     bench = Bench({**OLD, **OTHERS, "MNT1_TYPE": 1.0})
     bench.reader = ParameterReader(Copter(), bench.read, Plausibility(), lambda: None, lambda: ("MNT1_TYPE",))
     bench.unanswered = {"MNT1_TYPE"}

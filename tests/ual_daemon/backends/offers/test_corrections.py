@@ -13,7 +13,7 @@ from ual_daemon.backends.offers.corrections import SILENCE_S, Injected, SenderTu
 FIRST, SECOND, THIRD = message(100, 1), message(100, 2), message(100, 3)
 
 
-def test_the_oldest_whole_messages_are_dropped_counted_and_told(caplog: pytest.LogCaptureFixture) -> None:
+def test_the_oldest_whole_messages_are_dropped_counted_and_reported(caplog: pytest.LogCaptureFixture) -> None:
     waiting = WaitingCorrections(720, most_bytes=250)
     with caplog.at_level(logging.WARNING):
         for each in (FIRST, SECOND, THIRD):
@@ -25,7 +25,7 @@ def test_the_oldest_whole_messages_are_dropped_counted_and_told(caplog: pytest.L
     assert waiting.counts == Injected(messages_count=1, bytes_count=100, dropped_count=1, left_s=3.5)
 
 
-def test_a_message_that_is_too_long_is_dropped_and_told(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_message_that_is_too_long_is_dropped_and_reported(caplog: pytest.LogCaptureFixture) -> None:
     waiting = WaitingCorrections(720)
     with caplog.at_level(logging.WARNING):
         waiting.add(message(721))
@@ -35,7 +35,7 @@ def test_a_message_that_is_too_long_is_dropped_and_told(caplog: pytest.LogCaptur
     assert "corrections_too_long" in caplog.text
 
 
-def test_what_goes_on_for_hours_is_told_some_times(caplog: pytest.LogCaptureFixture) -> None:
+def test_what_goes_on_for_hours_is_reported_some_times(caplog: pytest.LogCaptureFixture) -> None:
     waiting = WaitingCorrections(720, most_bytes=100)
     with caplog.at_level(logging.WARNING):
         for _ in range(10_000):

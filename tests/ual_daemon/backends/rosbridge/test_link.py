@@ -87,14 +87,14 @@ def listening(url: str, kind: type[Listener] = Listener) -> Iterator[Listener]:
     assert not [each for each in threading.enumerate() if each.name.startswith("rosbridge ")]
 
 
-def publish_until_heard(heard: Listener, talker: Talker, x: float) -> None:
+def publish_until_received(heard: Listener, talker: Talker, x: float) -> None:
     """Publishes a setpoint until it is heard: a busy computer may be silent for so long that the link drops some."""
 
-    def is_heard() -> bool:
+    def is_received() -> bool:
         heard.link.publish("setpoint", {"x": x})
         return bool(talker.heard)
 
-    until(is_heard)
+    until(is_received)
     assert [each["x"] for each in talker.heard] == [x] * len(talker.heard)
 
 
@@ -180,7 +180,7 @@ def test_a_service_that_does_not_answer_holds_up_no_setpoint() -> None:
         server.bridge.faults.dead_services.add("/uav/slow")
         heard.link.call_service("slow", timeout_s=30.0)
         behind = heard.link.call_service("add", {"a": 1, "b": 2})
-        publish_until_heard(heard, talker, 1.5)
+        publish_until_received(heard, talker, 1.5)
         assert not behind.done()
 
 
@@ -194,7 +194,7 @@ def test_a_connection_on_which_no_service_answers_is_made_anew() -> None:
         until(lambda: heard.link.connections_count == 2 and heard.link.is_up)
         assert time.monotonic() - begun_s > 5.0
         assert heard.link.call_service("add", {"a": 1, "b": 2}).result(30.0) == {"sum": 3}
-        publish_until_heard(heard, talker, 1.5)
+        publish_until_received(heard, talker, 1.5)
 
 
 def test_a_service_that_does_not_answer_leaves_a_connection_on_which_others_do() -> None:
@@ -215,13 +215,13 @@ def test_the_link_is_lost_when_either_of_its_connections_is(index: int) -> None:
         server.drop(index)
         until(lambda: heard.link.connections_count == 2 and heard.link.is_up)
         until(lambda: server.accepted_count == 4)
-        publish_until_heard(heard, talker, 1.5)
+        publish_until_received(heard, talker, 1.5)
 
 
 def test_what_is_published_arrives() -> None:
     with bridged(2) as (server, talker), listening(server.url) as heard:
         until(lambda: heard.link.is_up)
-        publish_until_heard(heard, talker, 1.5)
+        publish_until_received(heard, talker, 1.5)
 
 
 def test_a_bridge_that_goes_is_lost_at_once_and_found_again() -> None:
@@ -236,7 +236,7 @@ def test_a_bridge_that_goes_is_lost_at_once_and_found_again() -> None:
         heard.messages.clear()
         server.start()
         until(lambda: heard.has_news)
-        publish_until_heard(heard, talker, 2.0)
+        publish_until_received(heard, talker, 2.0)
         assert heard.link.connections_count == 2
 
 
@@ -267,7 +267,7 @@ def test_publishing_to_a_bridge_that_does_not_read_never_blocks_and_the_newest_i
         assert len(talker.heard) < 3000
 
 
-def test_wrong_types_and_missing_topics_are_told_by_name() -> None:
+def test_wrong_types_and_missing_topics_are_reported_by_name() -> None:
     with bridged() as (server, _), listening(server.url) as heard:
         heard.link.subscribe("/uav/setpoint", "test_msgs/Other", lambda *_: None)
         heard.link.subscribe("/uav/nothing", "test_msgs/Other", lambda *_: None)
@@ -276,7 +276,7 @@ def test_wrong_types_and_missing_topics_are_told_by_name() -> None:
         assert "nobody publishes /uav/nothing" in heard.link.faults()
 
 
-def test_a_bridge_without_a_master_is_told_and_healed() -> None:
+def test_a_bridge_without_a_master_is_reported_and_healed() -> None:
     with bridged() as (server, _):
         server.bridge.faults.has_master = False
         with listening(server.url) as heard:
@@ -351,15 +351,15 @@ def test_a_silent_topic_is_subscribed_anew() -> None:
         server.bridge.faults.silent_topics.add("/uav/count")
         with server.lock:
             heard.link._ask_s = -math.inf  # it looks every 10 s
-        until(lambda: server.bridge.sessions[0].operations.count("subscribe") > 1 or _look(heard))
+        until(lambda: server.bridge.sessions[0].operations.count("subscribe") > 1 or _poll(heard))
 
 
-def _look(heard: Listener) -> bool:
+def _poll(heard: Listener) -> bool:
     heard.link._ask_s = -math.inf
     return False
 
 
-def test_a_port_that_is_no_rosbridge_is_told() -> None:
+def test_a_port_that_is_no_rosbridge_is_reported() -> None:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port = listener.getsockname()[1]
 

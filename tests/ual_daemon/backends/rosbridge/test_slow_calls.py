@@ -98,7 +98,7 @@ def test_after_a_call_that_was_not_answered_the_next_has_another_connection(how:
 
 
 @pytest.mark.parametrize("how", ["late", "withdrawn"])
-def test_what_is_under_way_goes_on_when_an_earlier_call_is_given_up(how: str) -> None:
+def test_what_is_in_progress_goes_on_when_an_earlier_call_is_abandoned(how: str) -> None:
     """A mission that is uploaded, for example. With ROS 1 calls do not wait for each other."""
     bench = Bench(ros=1)
     bench.bridge.faults.dead_services.add(DEAD)
@@ -137,7 +137,7 @@ def test_what_cannot_connect_or_is_lost_ends() -> None:
 
 
 @pytest.mark.parametrize("how", ["late", "withdrawn", "failed"])
-def test_a_call_whose_caller_was_told_otherwise_does_not_leave(how: str) -> None:
+def test_a_call_whose_caller_was_informed_otherwise_does_not_leave(how: str) -> None:
     """It may change something: a picture would be taken, or a parameter written, long after its error."""
     bench = Bench()
     bench.add(0)

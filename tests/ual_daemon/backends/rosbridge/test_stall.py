@@ -194,7 +194,7 @@ def test_what_another_thread_was_about_to_send_when_the_bridge_fell_silent_never
     assert it.sent_s("call_service", "/uav/add") == []
 
 
-def test_a_connection_that_is_given_up_is_reset() -> None:
+def test_a_connection_that_is_abandoned_is_reset() -> None:
     with RosbridgeServer(Bridge(1, [Talker()])) as server:
         transport = dial(BridgeUrl("127.0.0.1", server.port), lambda: None)
         assert isinstance(transport, WebSocket)

@@ -127,7 +127,7 @@ def test_a_pilot_who_takes_over_in_the_moment_of_the_start_keeps_it(lab: Lab) ->
     assert lab.offer.asked == []
 
 
-def test_one_that_replaces_another_in_the_moment_of_its_start_is_flown(lab: Lab) -> None:
+def test_one_that_replaces_another_in_the_moment_of_its_start_is_executed(lab: Lab) -> None:
     """The mode to which the first one led came late, and counted as one of others: nobody could stop it."""
     first = lab.mission
     first.begins_in("OFFBOARD")
@@ -189,7 +189,7 @@ def test_a_pause_while_a_mission_is_read_again_keeps_it_where_it_holds(lab: Lab)
     lab.enter("MISSION")
 
 
-def test_one_that_is_paused_is_not_told_to_fly_on_in_a_silence(lab: Lab) -> None:
+def test_one_that_is_paused_is_not_reported_to_fly_on_in_a_silence(lab: Lab) -> None:
     lab.fly()
     lab.pause()
     lab.autopilot.silent_s = 5.0
@@ -279,7 +279,7 @@ def test_an_item_that_is_reached_is_its_end_where_the_autopilot_holds(lab: Lab) 
         lab.run()
 
 
-def test_a_mission_that_replaces_another_is_never_told_as_flown_by_others(lab: Lab) -> None:
+def test_a_mission_that_replaces_another_is_never_reported_as_controlled_by_others(lab: Lab) -> None:
     """It was FLYING_MANUAL until the autopilot had taken its first item, and an abort was refused."""
     assert not lab.mission.mission
     lab.fly()
@@ -294,7 +294,7 @@ def test_a_mission_that_replaces_another_is_never_told_as_flown_by_others(lab: L
     assert successor.mission == "the autopilot flies our mission: item 1 of 1, waypoint"
 
 
-def test_a_failsafe_that_left_the_mission_flying_does_not_keep_its_end_from_being_seen(lab: Lab) -> None:
+def test_a_failsafe_that_left_the_mission_flying_does_not_keep_its_end_from_being_observed(lab: Lab) -> None:
     """ArduPilot stays in the mode of its mission at the end, and may tell a failsafe just before that mode."""
     lab.offer.done_mode = lab.offer.mode
     lab.autopilot.held_by = Cause.RC

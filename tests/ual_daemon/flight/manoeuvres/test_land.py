@@ -44,7 +44,7 @@ def test_a_landing_that_is_disarmed_in_the_air_has_not_landed(flying: Autopilot,
         assert not flying.step(landing).has_ended
 
 
-def test_a_landing_of_an_autopilot_that_is_not_heard_any_more_is_said_to_go_on(
+def test_a_landing_of_an_autopilot_that_is_not_received_any_more_is_reported_to_go_on(
     flying: Autopilot, ack: Future[None]
 ) -> None:
     landing = land(flying, ack)
@@ -143,7 +143,7 @@ def test_a_landing_that_was_not_sent_because_the_pilot_took_over_is_aborted_by_t
     assert isinstance(step.error, TaskAbortedError)
 
 
-def test_a_landing_that_ends_as_nothing_is_heard_does_not_say_what_the_uav_does(
+def test_a_landing_that_ends_as_nothing_is_received_does_not_say_what_the_uav_does(
     flying: Autopilot, ack: Future[None]
 ) -> None:
     landing = land(flying, ack)

@@ -81,7 +81,7 @@ def test_it_descends_slowly_near_the_ground_and_never_faster_than_the_user_wants
     assert velocity(step(landing, flying)) == Vector3(0.0, 0.0, expected)
 
 
-def test_a_descent_that_the_user_wants_very_slow_is_not_given_up(flying: Autopilot, motors: Motors) -> None:
+def test_a_descent_that_the_user_wants_very_slow_is_not_abandoned(flying: Autopilot, motors: Motors) -> None:
     """It was told as stopped after two minutes, at 18 m."""
     flying.z = 30.0
     landing = land(flying, motors, descent_m_s=0.1)
@@ -126,7 +126,7 @@ def test_it_does_not_wait_for_ever_until_it_is_at_rest(flying: Autopilot, motors
 
 
 @given(st.floats(-30.0, 30.0), st.floats(-30.0, 30.0))
-def test_it_is_led_back_over_its_place_and_not_faster_than_it_may(east_m: float, north_m: float) -> None:
+def test_it_is_led_back_over_its_position_and_not_faster_than_it_may(east_m: float, north_m: float) -> None:
     autopilot = Autopilot(z=8.0, landed=LandedState.IN_AIR, control=Control.REFERENCES)
     landing = land(autopilot, Motors())
     step(landing, autopilot)
@@ -137,7 +137,7 @@ def test_it_is_led_back_over_its_place_and_not_faster_than_it_may(east_m: float,
     assert back.z == -1.0
 
 
-def test_a_jump_of_the_estimate_moves_its_place_too(flying: Autopilot, motors: Motors) -> None:
+def test_a_jump_of_the_estimate_moves_its_position_too(flying: Autopilot, motors: Motors) -> None:
     landing = land(flying, motors)
     step(landing, flying)
     jump = Vector3(0.0, 3.0, 0.0)
@@ -164,7 +164,7 @@ def test_it_is_not_led_aside_by_a_position_that_has_stopped_and_says_so(flying: 
     assert landing.task.info().description == ""
 
 
-def test_a_velocity_that_has_stopped_is_told(flying: Autopilot, motors: Motors) -> None:
+def test_a_velocity_that_has_stopped_is_reported(flying: Autopilot, motors: Motors) -> None:
     landing = land(flying, motors)
     step(landing, flying, velocity=None)
     assert landing.task is not None
@@ -261,7 +261,7 @@ def test_motors_that_do_not_stop_at_first_are_stopped_again(flying: Autopilot, m
 
 
 @pytest.mark.parametrize("is_refused", [True, False])
-def test_motors_that_do_not_stop_are_told(flying: Autopilot, motors: Motors, is_refused: bool) -> None:
+def test_motors_that_do_not_stop_are_reported(flying: Autopilot, motors: Motors, is_refused: bool) -> None:
     landing = standing(flying, motors)
     ended = step(landing, flying)
     while not ended.has_ended:
@@ -303,7 +303,7 @@ def test_control_that_ends_with_the_motors_is_no_take_over(flying: Autopilot, mo
     assert step(landing, flying) == Step(has_ended=True)
 
 
-def test_its_height_is_told(flying: Autopilot, motors: Motors) -> None:
+def test_its_height_is_reported(flying: Autopilot, motors: Motors) -> None:
     heights: list[float] = []
     landing = LandOnSetpoints(
         flying.task(TaskKind.LAND),

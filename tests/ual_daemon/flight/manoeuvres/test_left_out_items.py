@@ -17,11 +17,11 @@ DEG_PER_M = 1.0 / 111_319.0
 HOME = GeoPoint(47.0, 8.0, 0.0)
 
 
-def way(*norths_m: float) -> list[Item]:
+def path(*norths_m: float) -> list[Item]:
     return [Waypoint(47.0 + north_m * DEG_PER_M, 8.0, 5.0) for north_m in norths_m]
 
 
-def told(
+def reported(
     left_out: LeftOutItems, *items: int, every_s: float = 0.5, reached: int | None = None, at_m: float | None = None
 ) -> tuple[int, ...]:
     """Reports follow each other from time 0 on, or after the last one. `at_m` is where it is north of the first place;
@@ -37,7 +37,7 @@ def told(
     return left_out.numbers
 
 
-FIVE = way(0, 10, 20, 30, 40)
+FIVE = path(0, 10, 20, 30, 40)
 
 
 @pytest.mark.parametrize(
@@ -48,53 +48,55 @@ FIVE = way(0, 10, 20, 30, 40)
         (FIVE, (1, 4, 2, 3, 4), ()),  # it comes back to them
         (FIVE, (3, 1, 2, 3), ()),
         (FIVE, (4, 5, 6), ()),  # ArduPilot tells one more at its end
-        (way(0, 10, 12, 30), (1, 2, 4), ()),  # the third is reached together with the second
-        ([*way(0, 10), HoldTime(1.0), *way(30)], (1, 2, 4), ()),
+        (path(0, 10, 12, 30), (1, 2, 4), ()),  # the third is reached together with the second
+        ([*path(0, 10), HoldTime(1.0), *path(30)], (1, 2, 4), ()),
         ([*FIVE, Jump(1, 2)], (1, 4, 5), ()),  # the mission jumps by itself
     ],
 )
-def test_items_that_are_never_told_were_jumped_over(
+def test_items_that_are_never_reported_were_jumped_over(
     items: list[Item], numbers: tuple[int, ...], expected: tuple[int, ...]
 ) -> None:
-    assert told(LeftOutItems(items), *numbers) == expected
+    assert reported(LeftOutItems(items), *numbers) == expected
 
 
 @pytest.mark.parametrize(("at_m", "expected"), [(6.0, (2,)), (8.0, ()), (None, ())])
-def test_an_item_that_is_left_far_from_its_place_was_jumped_over(at_m: float | None, expected: tuple[int, ...]) -> None:
+def test_an_item_that_is_left_far_from_its_position_was_jumped_over(
+    at_m: float | None, expected: tuple[int, ...]
+) -> None:
     """Campaign, 11200006: a jump from the first item to the second, 3.6 m beside it."""
     left_out = LeftOutItems(FIVE)
-    told(left_out, 1, at_m=0.0)
-    told(left_out, 2, 2, at_m=2.0)
-    told(left_out, 2, at_m=at_m)
-    told(left_out, 2, at_m=2.0)
-    assert told(left_out, 3, at_m=2.0) == expected
-    assert told(left_out, 3, at_m=2.0, reached=2) == ()
+    reported(left_out, 1, at_m=0.0)
+    reported(left_out, 2, 2, at_m=2.0)
+    reported(left_out, 2, at_m=at_m)
+    reported(left_out, 2, at_m=2.0)
+    assert reported(left_out, 3, at_m=2.0) == expected
+    assert reported(left_out, 3, at_m=2.0, reached=2) == ()
 
 
 def test_a_jump_from_the_first_item_is_found() -> None:
-    left_out = LeftOutItems(way(10, 20, 30))
+    left_out = LeftOutItems(path(10, 20, 30))
     left_out.forget()  # it was not flown yet
-    told(left_out, 1, 1, at_m=0.0)
-    assert told(left_out, 2, at_m=2.0) == (1,)
+    reported(left_out, 1, 1, at_m=0.0)
+    assert reported(left_out, 2, at_m=2.0) == (1,)
 
 
-def test_what_was_reached_was_flown() -> None:
+def test_what_was_reached_was_executed() -> None:
     left_out = LeftOutItems(FIVE)
-    told(left_out, 1)
-    assert told(left_out, 3, reached=2) == ()
+    reported(left_out, 1)
+    assert reported(left_out, 3, reached=2) == ()
 
 
-def test_what_was_not_heard_is_not_known() -> None:
-    assert told(LeftOutItems(FIVE), 1, 4, every_s=2.0) == ()
+def test_what_was_not_received_is_not_known() -> None:
+    assert reported(LeftOutItems(FIVE), 1, 4, every_s=2.0) == ()
     left_out = LeftOutItems(FIVE)
-    told(left_out, 1)
+    reported(left_out, 1)
     left_out.forget()
-    assert told(left_out, 4) == ()
+    assert reported(left_out, 4) == ()
 
 
 def test_what_ual_has_jumped_over_is_left_out_on_purpose() -> None:
     left_out = LeftOutItems(FIVE)
-    told(left_out, 1)
+    reported(left_out, 1)
     left_out.jumps_to(4)
-    assert told(left_out, 1, 4) == ()
-    assert told(left_out, 2, 5) == (3, 4)  # a jump of others since
+    assert reported(left_out, 1, 4) == ()
+    assert reported(left_out, 2, 5) == (3, 4)  # a jump of others since

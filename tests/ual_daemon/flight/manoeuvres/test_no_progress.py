@@ -43,7 +43,7 @@ WITHIN_S = 10.0
 START = Motion(Vector3(1.0, 2.0, 5.0), 0.3)
 
 
-class Flown:
+class FlightTrace:
     """A UAV that follows setpoints with a lag, unless it is held fast; its estimate wanders."""
 
     def __init__(self, lag_s: float = 0.3, wanders_m: float = 0.0, turns: float = 0.0) -> None:
@@ -117,15 +117,15 @@ class Flown:
 
 
 def follow(
-    flown: Flown, trajectory: Trajectory, tracker: MakeTracker = TrajectoryReference, tolerance_m: float = 0.5
+    flown: FlightTrace, trajectory: Trajectory, tracker: MakeTracker = TrajectoryReference, tolerance_m: float = 0.5
 ) -> FollowTrajectory:
     task, tolerance = flown.task(TaskKind.FOLLOW_PATH), ToleranceSettings(position_m=tolerance_m)
     return FollowTrajectory("follow_path", task, trajectory, tolerance, tracker)
 
 
 @pytest.mark.parametrize("text", ["", "EKF3 lane switch 1"])
-def test_only_what_was_said_since_it_began_is_told_as_a_reason(text: str) -> None:
-    flown = Flown()
+def test_only_what_was_reported_since_it_began_is_reported_as_a_reason(text: str) -> None:
+    flown = FlightTrace()
     flown.status_text = "EKF3 IMU0 is using GPS"  # since it has booted
     far = PathWaypoint(START.position + Vector3(80.0, 0.0, 0.0), START.yaw_rad)
     task = follow(flown, path(START, [far], 0.0, at(3.0)))
@@ -159,7 +159,7 @@ legs = st.lists(st.tuples(offsets, st.sampled_from([0.0, 0.0, 3.0, 30.0])), min_
     turns=st.floats(0.0, 7.0),
     is_pursued=st.booleans(),
 )
-def test_no_path_that_is_flown_ends_however_slow_it_is_and_however_long_it_holds(
+def test_no_path_that_is_executed_ends_however_slow_it_is_and_however_long_it_holds(
     legs: list[tuple[Vector3, float]],
     speed_m_s: float,
     corner_m: float,
@@ -177,7 +177,7 @@ def test_no_path_that_is_flown_ends_however_slow_it_is_and_however_long_it_holds
         place += offset
         waypoints.append(PathWaypoint(place, yaw_rad, None, hold_s))
     limits = Limits(speed_m_s, speed_m_s, speed_m_s, yaw_rate_rad_s=yaw_rate_rad_s)
-    flown = Flown(lag_s, wanders_m, turns)
+    flown = FlightTrace(lag_s, wanders_m, turns)
     tracker: MakeTracker = Pursuit if is_pursued else TrajectoryReference
     trajectory = path(START, waypoints, corner_m, limits, heading)
     assert flown.until_end(follow(flown, trajectory, tracker, 1.0), 10.0 * trajectory.duration_s + 100.0) is None
@@ -189,7 +189,7 @@ def test_no_path_that_is_flown_ends_however_slow_it_is_and_however_long_it_holds
 def test_a_motion_that_is_held_fast_ends_within_10_s(
     tracker: MakeTracker, speed_m_s: float, held_after_s: float
 ) -> None:
-    flown = Flown(wanders_m=0.1)
+    flown = FlightTrace(wanders_m=0.1)
     manoeuvre = follow(flown, path(START, [PathWaypoint(Vector3(90.0, 2.0, 5.0))], 0.0, at(speed_m_s)), tracker)
     flown.run(manoeuvre, held_after_s)
     flown.is_held_fast = True
@@ -201,7 +201,7 @@ def test_one_that_is_held_fast_at_any_time_of_a_path_with_holds_ends_within_10_s
     hold_s = 30.0
     waypoints = [PathWaypoint(Vector3(11.0, 2.0, 5.0), None, None, hold_s), PathWaypoint(Vector3(31.0, 2.0, 5.0))]
     for held_after_s in range(0, 45, 3):
-        flown = Flown()
+        flown = FlightTrace()
         manoeuvre = follow(flown, path(START, waypoints, 0.0, at(2.0)))
         flown.run(manoeuvre, held_after_s)
         flown.is_held_fast = True
@@ -210,7 +210,7 @@ def test_one_that_is_held_fast_at_any_time_of_a_path_with_holds_ends_within_10_s
 
 
 def test_one_that_is_blown_off_a_hold_and_kept_there_ends() -> None:
-    flown = Flown()
+    flown = FlightTrace()
     waypoints = [PathWaypoint(Vector3(11.0, 2.0, 5.0), None, None, 600.0), PathWaypoint(Vector3(31.0, 2.0, 5.0))]
     manoeuvre = follow(flown, path(START, waypoints, 0.0, at(2.0)))
     flown.run(manoeuvre, 20.0)
@@ -219,7 +219,7 @@ def test_one_that_is_blown_off_a_hold_and_kept_there_ends() -> None:
 
 
 def test_wind_that_holds_it_a_little_off_ends_no_hold() -> None:
-    flown = Flown()
+    flown = FlightTrace()
     waypoints = [PathWaypoint(Vector3(11.0, 2.0, 5.0), None, None, 60.0), PathWaypoint(Vector3(31.0, 2.0, 5.0))]
     manoeuvre = follow(flown, path(START, waypoints, 0.0, at(2.0)))
     flown.run(manoeuvre, 20.0)
@@ -231,7 +231,7 @@ def test_wind_that_holds_it_a_little_off_ends_no_hold() -> None:
 
 @pytest.mark.parametrize("tracker", [TrajectoryReference, Pursuit])
 def test_a_gust_that_blows_it_far_off_and_ends_does_not_end_the_motion(tracker: MakeTracker) -> None:
-    flown = Flown(lag_s=2.0)
+    flown = FlightTrace(lag_s=2.0)
     manoeuvre = follow(flown, path(START, [PathWaypoint(Vector3(60.0, 2.0, 5.0))], 0.0, at(3.0)), tracker)
     flown.run(manoeuvre, 4.0)
     flown.wind = Vector3(0.0, 12.0)
@@ -242,7 +242,7 @@ def test_a_gust_that_blows_it_far_off_and_ends_does_not_end_the_motion(tracker: 
 
 @pytest.mark.parametrize("tracker", [TrajectoryReference, Pursuit])
 def test_a_goal_from_which_it_is_held_off_ends_within_10_s_of_coming_no_nearer(tracker: MakeTracker) -> None:
-    flown = Flown()
+    flown = FlightTrace()
     manoeuvre = follow(flown, path(START, [PathWaypoint(Vector3(11.0, 2.0, 5.0))], 0.0, at(2.0)), tracker)
     flown.wind = Vector3(0.0, 1.3)
     flown.run(manoeuvre, 6.0)
@@ -252,16 +252,16 @@ def test_a_goal_from_which_it_is_held_off_ends_within_10_s_of_coming_no_nearer(t
 def test_a_turn_that_does_not_come_ends_within_10_s_and_a_slow_one_does_not() -> None:
     turn = path(START, [PathWaypoint(START.position, -2.8)], 0.0, Limits(yaw_rate_rad_s=0.05))
     assert turn.duration_s > 50.0
-    slow = Flown()
+    slow = FlightTrace()
     assert slow.until_end(follow(slow, turn)) is None
-    flown = Flown()
+    flown = FlightTrace()
     flown.is_turned_fast = True
     quick = path(START, [PathWaypoint(START.position, -2.8)], 0.0, Limits(yaw_rate_rad_s=2.0))
     assert flown.ends_after_s(follow(flown, quick)) < WITHIN_S + quick.duration_s
 
 
 def test_a_pause_counts_for_nothing() -> None:
-    flown = Flown()
+    flown = FlightTrace()
     manoeuvre = follow(flown, path(START, [PathWaypoint(Vector3(21.0, 2.0, 5.0))], 0.0, at(2.0)))
     assert manoeuvre.task is not None
     flown.run(manoeuvre, 3.0)
@@ -272,7 +272,7 @@ def test_a_pause_counts_for_nothing() -> None:
 
 
 def test_a_time_without_updates_counts_for_nothing() -> None:
-    flown = Flown()
+    flown = FlightTrace()
     manoeuvre = follow(flown, path(START, [PathWaypoint(Vector3(21.0, 2.0, 5.0))], 0.0, at(2.0)))
     flown.run(manoeuvre, 3.0)
     flown.now_s += 30.0
@@ -282,7 +282,7 @@ def test_a_time_without_updates_counts_for_nothing() -> None:
 # --- A goal that moves ------------------------------------------------------------------------------------------------
 
 
-def follow_moving_goal(flown: Flown, goal: Callable[[float], Motion], limits: Limits) -> FollowMovingGoal:
+def follow_moving_goal(flown: FlightTrace, goal: Callable[[float], Motion], limits: Limits) -> FollowMovingGoal:
     moving = MovingGoal(goal, START, 0.0, lambda: limits)
     return FollowMovingGoal(
         "go_to_waypoint", flown.task(TaskKind.GO_TO_WAYPOINT), moving, lambda: limits, ToleranceSettings()
@@ -294,7 +294,7 @@ def test_a_goal_that_moves_away_faster_is_chased_on_and_one_that_is_not_followed
     def goal(now_s: float) -> Motion:
         return Motion(Vector3(6.0 + speed_m_s * now_s, 2.0, 5.0), 0.0, Vector3(speed_m_s))
 
-    flown = Flown()
+    flown = FlightTrace()
     chase = follow_moving_goal(flown, goal, at(0.8 * speed_m_s))
     flown.run(chase, 40.0)
     flown.is_held_fast = True
@@ -305,12 +305,12 @@ def test_a_goal_that_moves_is_met_at_0_05_m_s() -> None:
     def goal(now_s: float) -> Motion:
         return Motion(Vector3(3.0 + 0.02 * now_s, 2.0, 5.0), 0.3, Vector3(0.02))
 
-    flown = Flown(wanders_m=0.2)
+    flown = FlightTrace(wanders_m=0.2)
     assert flown.until_end(follow_moving_goal(flown, goal, at(0.05))) is None
 
 
 def test_a_heading_of_a_moving_goal_that_is_not_taken_ends_within_10_s() -> None:
-    flown = Flown()
+    flown = FlightTrace()
     flown.is_turned_fast = True
     chase = follow_moving_goal(flown, lambda _: Motion(START.position, 2.0), at(2.0))
     assert flown.ends_after_s(chase) < WITHIN_S + 4.0

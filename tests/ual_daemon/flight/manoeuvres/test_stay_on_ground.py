@@ -20,7 +20,7 @@ from ual_daemon.flight.policy.authority import LONGEST_GAP_S
 from ual_daemon.tracker.limits import CurrentLimits
 
 
-class Asked:
+class RequestLog:
     """Requests to an autopilot: "hold" or "take", each with its answer."""
 
     def __init__(self) -> None:
@@ -48,7 +48,7 @@ class Stopped:
     """A mission that is stopped in a state; `flown` is what stops it now."""
 
     def __init__(self, state: State, autopilot: Autopilot) -> None:
-        self.autopilot, self.asked = autopilot, Asked()
+        self.autopilot, self.asked = autopilot, RequestLog()
         mission, snapshot = Lab().mission, autopilot.snapshot()
         mission.begins_in("MISSION")
         stop = MissionStop("cancel", mission, cast("Backend", self.asked), cast("CurrentLimits", AnyLimits()))
@@ -184,7 +184,7 @@ def test_who_goes_back_to_the_mode_before_the_stop_is_not_overruled(ground: Stop
     assert isinstance(ground.until_end(1.0), TaskAbortedError)
 
 
-def test_an_autopilot_that_accepts_and_flies_on_is_told_and_not_flooded(ground: Stopped) -> None:
+def test_an_autopilot_that_accepts_and_flies_on_is_reported_and_not_flooded(ground: Stopped) -> None:
     ground.answer("MISSION")
     end_s = ground.autopilot.now_s() + 20.0
     while not ground.has_ended and ground.autopilot.now_s() < end_s:
@@ -203,7 +203,7 @@ def test_others_who_choose_a_mode_are_not_overruled(ground: Stopped, landed: Lan
     assert ground.asked.names == ["hold"]
 
 
-def test_an_autopilot_that_does_not_answer_is_told(ground: Stopped) -> None:
+def test_an_autopilot_that_does_not_answer_is_reported(ground: Stopped) -> None:
     assert isinstance(ground.until_end(10.0), UalTimeoutError)
 
 
@@ -221,7 +221,7 @@ def unseen() -> Stopped:
 
 
 @pytest.mark.parametrize("blind_s", [0.0, 5.0])
-def test_it_is_taken_back_once_it_has_taken_off_and_is_seen(climb: Stopped, blind_s: float) -> None:
+def test_it_is_taken_back_once_it_has_taken_off_and_is_observed(climb: Stopped, blind_s: float) -> None:
     climb.run(20.0)
     assert climb.asked.names == []
     climb.autopilot.landed = LandedState.IN_AIR
@@ -234,7 +234,7 @@ def test_it_is_taken_back_once_it_has_taken_off_and_is_seen(climb: Stopped, blin
     climb.give_references()
 
 
-def test_one_that_is_seen_again_on_the_ground_stays_there(unseen: Stopped) -> None:
+def test_one_that_is_observed_again_on_the_ground_stays_there(unseen: Stopped) -> None:
     """A lease had ended in a silence: the mission was not stopped, and flown once its take-off came."""
     unseen.run(5.0)
     assert unseen.asked.names == []
@@ -283,7 +283,7 @@ def test_a_command_that_was_obeyed_in_a_silence_has_succeeded(climb: Stopped) ->
 
 
 @pytest.mark.parametrize("landed", [LandedState.ON_GROUND, LandedState.TAKING_OFF])
-def test_a_lift_off_that_is_told_too_early_is_stopped_by_what_follows(climb: Stopped, landed: LandedState) -> None:
+def test_a_lift_off_that_is_reported_too_early_is_stopped_by_what_follows(climb: Stopped, landed: LandedState) -> None:
     climb.autopilot.landed = LandedState.IN_AIR
     climb.run()
     climb.autopilot.landed = landed

@@ -154,7 +154,7 @@ def lifted(autopilot: Autopilot, mode: Mode, told_s: float) -> tuple[Snapshot, E
     return snapshot, estimate(snapshot, Freshness(mode_s=5.0))
 
 
-def test_on_a_bad_link_the_air_may_be_heard_of_before_the_mode(autopilot: Autopilot, ack: Future[None]) -> None:
+def test_on_a_bad_link_the_air_may_be_known_before_the_mode(autopilot: Autopilot, ack: Future[None]) -> None:
     """As simulated with a loss of 37 %: PX4 is in OFFBOARD, and lifts off, 0.9 s before that mode is heard."""
     loiter = Mode("AUTO.LOITER", Control.OTHER, is_autonomous=True)
     autopilot.mode = loiter.name
@@ -179,7 +179,7 @@ def test_on_a_bad_link_the_air_may_be_heard_of_before_the_mode(autopilot: Autopi
         ("AUTO.LOITER", False, False, 0.1),
     ],
 )
-def test_what_lifts_off_in_another_mode_is_flown_by_others(
+def test_what_lifts_off_in_another_mode_is_controlled_by_others(
     autopilot: Autopilot, ack: Future[None], mode: str, passed_s: float, *, is_told_again: bool, on_setpoints: bool
 ) -> None:
     made = Mode(mode, Control.OTHER, is_autonomous=mode.startswith("AUTO"))
@@ -211,7 +211,7 @@ def test_another_mode_than_at_the_start_ends_the_take_off_before_the_command_is_
     assert ack.cancelled()
 
 
-def test_the_mode_that_was_left_to_arm_may_be_heard_of_after_the_take_off_has_begun(
+def test_the_mode_that_was_left_to_arm_may_be_known_after_the_take_off_has_begun(
     autopilot: Autopilot, ack: Future[None]
 ) -> None:
     """PX4 says at once that it is armed, by an event, and its mode in a heartbeat that comes later."""
@@ -289,7 +289,7 @@ def test_a_climb_that_does_not_get_there_times_out_and_names_the_height(
 
 
 @pytest.mark.parametrize("on_setpoints", [False, True])
-def test_a_climb_that_goes_higher_than_asked_is_stopped_by_the_autopilot_itself(
+def test_a_climb_that_goes_higher_than_commanded_is_stopped_by_the_autopilot_itself(
     autopilot: Autopilot, ack: Future[None], *, on_setpoints: bool
 ) -> None:
     climb = take_off(autopilot, ack, on_setpoints=on_setpoints)

@@ -18,7 +18,7 @@ _SINKING_M_S = 0.02
 _SAME_POINT_M = 1e-6
 
 
-class Ways(NamedTuple):
+class Variants(NamedTuple):
     """The ways of a UAV that is commanded a velocity."""
 
     commanded: list[Vector3]
@@ -41,13 +41,13 @@ def change(motion: Motion, velocity: Vector3, limits: Limits) -> tuple[Vector3, 
     return position, position + braking(changed, limits)
 
 
-def ways(motion: Motion, velocity: Vector3, limits: Limits) -> Ways:
+def variants(motion: Motion, velocity: Vector3, limits: Limits) -> Variants:
     """Returns the ways of a UAV that is commanded a velocity."""
     here, speed = motion.position, velocity.norm()
     direction = velocity / speed
     fastest = direction * max(speed, motion.velocity.dot(direction))
     after_reaction = here + motion.velocity * REACTION_S
-    return Ways(
+    return Variants(
         [here, here + fastest * REACTION_S + braking(fastest, limits)],
         [here, after_reaction, after_reaction + braking(motion.velocity, limits)],
         [here, *change(motion, velocity, limits)],
@@ -68,7 +68,7 @@ def is_admitted(
     """
     if velocity.norm() == 0.0:
         return True
-    found = ways(motion, velocity, limits)
+    found = variants(motion, velocity, limits)
     here, stop = found.commanded
     if fence.is_nowhere:
         return False

@@ -100,7 +100,7 @@ def test_a_circle_is_round_where_it_is_and_on_the_safe_side(
 # --- What they refuse -------------------------------------------------------------------------------------------------
 
 
-def test_goals_and_ways_are_refused_with_the_name_of_the_zone() -> None:
+def test_goals_and_variants_are_refused_with_the_name_of_the_zone() -> None:
     fence, now = geofence(), snapshot(0.0, 0.0)
     fence.require_inside([at(0.0, 0.0), at(8.9, 0.0)], "go", now)
     fence.require_inside([at(0.0, 0.0), at(8.0, 12.0), at(22.0, 12.0), at(25.0, 0.0)], "go", now)
@@ -134,7 +134,7 @@ def test_zones_hold_with_the_limits_around_home_and_the_configured_fence() -> No
         fence.fence(snapshot(0.0, 0.0, own))
 
 
-def test_without_a_place_on_earth_nothing_can_be_checked() -> None:
+def test_without_a_position_on_earth_nothing_can_be_checked() -> None:
     with pytest.raises(WrongStateError, match="where on Earth"):
         geofence().require_goal_inside(at(1.0, 0.0), "go", snapshot(0.0, 0.0, projection=None))
 

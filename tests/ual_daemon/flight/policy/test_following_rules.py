@@ -33,7 +33,7 @@ class Watched:
         self.boots_count, self.keeps_height, self.is_placed = 1, False, True
         self.reference: Reference | None = None
 
-    def look(self) -> None:
+    def poll_once(self) -> None:
         snapshot = self.autopilot.snapshot()
         assert snapshot.control.mode is not None
         told = snapshot.control.mode.value
@@ -54,7 +54,7 @@ class Watched:
             self.autopilot.time_s += LOOK_S
             self.autopilot.z += (self.autopilot.climb_m_s - gains_m_s2 * LOOK_S / 2.0) * LOOK_S
             self.autopilot.climb_m_s -= gains_m_s2 * LOOK_S
-            self.look()
+            self.poll_once()
             if self.following.why:
                 return begin_m - self.autopilot.z
         return None
@@ -73,7 +73,7 @@ class Watched:
             self.autopilot.z = 0.0 if has_hit else z_m
             self.autopilot.climb_m_s = 0.0 if has_hit else climbs_m_s - G_M_S2 * falls_s
             if self.autopilot.time_s >= self.following.due_s:
-                self.look()
+                self.poll_once()
         return bool(self.following.why)
 
     def lie(self, landed: LandedState = LandedState.IN_AIR) -> None:
@@ -108,7 +108,7 @@ def test_no_descent_by_an_autopilots_own_acceleration_is_a_fall(gains_m_s2: floa
 
 
 @pytest.mark.parametrize(("keeps_height", "is_told"), [(True, True), (False, False)])
-def test_a_fall_in_a_pilots_mode_is_told_where_the_autopilot_bounds_the_descent(
+def test_a_fall_in_a_pilots_mode_is_reported_where_the_autopilot_bounds_the_descent(
     *, keeps_height: bool, is_told: bool
 ) -> None:
     """PX4, a dead motor in POSCTL, campaign 11000145. In ACRO a pilot may dive."""
@@ -133,7 +133,7 @@ def test_what_lies_after_a_pause_in_which_it_hovered_has_fallen(pause_s: float) 
     watched.fly(2.0)
     watched.lie()
     watched.autopilot.time_s += pause_s
-    watched.look()
+    watched.poll_once()
     assert watched.following.trouble is Trouble.FALL
 
 
@@ -148,7 +148,7 @@ def test_an_autopilot_that_may_have_landed_by_itself_in_a_pause_has_not_fallen(
     watched.autopilot.control, watched.autopilot.mode = Control.LAND, "LAND"
     watched.autopilot.z = z_m
     watched.autopilot.time_s += pause_s
-    watched.look()
+    watched.poll_once()
     assert bool(watched.following.why) is is_told
 
 
@@ -158,19 +158,19 @@ def test_a_descent_that_goes_on_in_a_pause_is_no_fall() -> None:
     assert watched.fly(2.0) is None
     watched.autopilot.z -= 4.2
     watched.autopilot.time_s += 3.0
-    watched.look()
+    watched.poll_once()
     assert watched.following.why == ""
 
 
-def test_where_the_place_was_lost_it_may_be_elsewhere() -> None:
+def test_where_the_position_was_lost_it_may_be_elsewhere() -> None:
     watched = Watched()
     watched.fly(2.0)
     watched.is_placed = False
     watched.autopilot.time_s += 1.0
-    watched.look()
+    watched.poll_once()
     watched.is_placed, watched.autopilot.z = True, 1.0
     watched.autopilot.time_s += 1.0
-    watched.look()
+    watched.poll_once()
     assert watched.following.why == ""
 
 
@@ -191,7 +191,7 @@ def test_a_velocity_after_a_pilots_flight_is_compared_anew() -> None:
     assert watched.fly(3.0) is not None  # this one is never flown
 
 
-def test_a_boot_ends_what_was_told_of_a_fall() -> None:
+def test_a_boot_ends_what_was_reported_of_a_fall() -> None:
     """It still said for 1.2 s after the boot that it fell (campaign, 10200003)."""
     watched = Watched()
     watched.fly(2.0)
@@ -199,6 +199,6 @@ def test_a_boot_ends_what_was_told_of_a_fall() -> None:
     watched.lie(LandedState.ON_GROUND)
     watched.autopilot.armed, watched.boots_count = False, 2
     watched.autopilot.time_s += 2.0
-    watched.look()
+    watched.poll_once()
     assert watched.following.why == ""
     assert estimate(watched.autopilot.snapshot(), watched.backend.freshness).state is State.LANDED_DISARMED

@@ -49,7 +49,7 @@ def test_a_bad_estimate_with_a_link_does_not_forget_the_ground() -> None:
     assert ground.z_m == 0.6
 
 
-def test_a_ground_that_was_not_seen_is_the_autopilots_home() -> None:
+def test_a_ground_that_was_not_observed_is_the_autopilots_home() -> None:
     datum = Ground().datum(at(20.0), lambda: 7.0)
     assert (datum.z_m, datum.noise_m) == (3.0, ASSUMED_NOISE_M)
     assert "the autopilot's home" in datum.name

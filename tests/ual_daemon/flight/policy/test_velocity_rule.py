@@ -152,7 +152,7 @@ def test_a_velocity_is_admitted_where_the_rule_admits_it_and_nowhere_else(
 @pytest.mark.parametrize("settings", CONFIGURED)
 @pytest.mark.parametrize("autopilot_fence", OWN_FENCES)
 @given(flight=flights(), goals=st.lists(vectors(6.0), min_size=13, max_size=13))
-def test_a_goal_is_admitted_where_the_straight_way_to_it_is_inside(
+def test_a_goal_is_admitted_where_the_straight_path_to_it_is_inside(
     settings: GeofenceSettings | None,
     autopilot_fence: AutopilotFence | None,
     flight: list[Moment],
@@ -174,7 +174,7 @@ def test_a_goal_is_admitted_where_the_straight_way_to_it_is_inside(
             assert is_admitted == expected or is_near(tested.fence(snapshot), moment.here, goal)
 
 
-def test_a_hover_below_the_clearance_is_flown_without_asking_for_polygons_each_time() -> None:
+def test_a_hover_below_the_clearance_is_executed_without_asking_for_polygons_each_time() -> None:
     tested, limits = geofence(CONFIGURED[0], 3.0), Limits()
     low = changed(HIGH, pose=Sample(Pose(Vector3(0.0, 0.0, 1.5), IDENTITY), 0.0))
     tested.require_velocity(Vector3(1.0, 0.0, 0.0), limits, low)
@@ -185,10 +185,10 @@ def test_a_hover_below_the_clearance_is_flown_without_asking_for_polygons_each_t
 
 
 @given(moment=moments, limits=LIMIT_SETS)
-def test_the_reach_is_where_the_planned_trajectories_lead(moment: Moment, limits: Limits) -> None:
+def test_the_distance_limit_is_where_the_planned_trajectories_lead(moment: Moment, limits: Limits) -> None:
     if moment.velocity.norm() < 1e-9:
         return
-    ways = exact_rule.ways(Motion(moment.here, 0.0, moment.own), moment.velocity, limits)
+    ways = exact_rule.variants(Motion(moment.here, 0.0, moment.own), moment.velocity, limits)
     expected = (moment.here, ways.commanded[-1], ways.own[-1], *ways.changed[1:])
     for point, planned in zip(reachable_points(*moment, limits), expected, strict=True):
         assert math.dist(point, tuple(planned)) <= 1e-9 * (1.0 + math.dist(tuple(planned), tuple(moment.here)))

@@ -50,13 +50,13 @@ def serve() -> Iterator[Callable[[Callable[[], Iterable[MetricSample]]], str]]:
 Serve = Callable[[Callable[[], Iterable[MetricSample]]], str]
 
 
-def place_of(address: str) -> tuple[str, int]:
+def position_of(address: str) -> tuple[str, int]:
     host, _, port = address.partition(":")
     return host, int(port)
 
 
 def connection_to(address: str) -> socket.socket:
-    return socket.create_connection(place_of(address), LIMIT_S)
+    return socket.create_connection(position_of(address), LIMIT_S)
 
 
 def test_it_speaks_openmetrics_and_the_older_text(serve: Serve) -> None:
@@ -96,7 +96,7 @@ def test_the_page_has_all_of_them_and_no_other() -> None:
     assert set(re.findall(r"^\| `(ual_\w+)`", PAGE.read_text(), re.MULTILINE)) == served
 
 
-def test_however_often_it_is_asked_it_gathers_at_most_twice_a_second() -> None:
+def test_however_often_it_is_queried_it_gathers_at_most_twice_a_second() -> None:
     gathered = []
     now_s = 5.0
 
@@ -129,7 +129,7 @@ def test_a_defect_is_logged_and_the_next_request_is_answered(serve: Serve, caplo
     assert scraped(address)("ual_up", ns="uav_1") == 1.0
 
 
-def test_whoever_asks_is_served_at_once_beside_those_that_say_nothing(
+def test_whoever_asks_is_served_at_once_next_to_those_that_say_nothing(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(http_server, "REQUEST_S", 10.0 * LIMIT_S)
@@ -210,7 +210,7 @@ def test_without_file_descriptors_it_says_so_once_and_waits(
     (thread,) = (each for each in threading.enumerate() if each.name == "metrics")
     with closing(socket.socket()) as asking, caplog.at_level(logging.INFO):
         with no_descriptors():
-            asking.connect(place_of(address))
+            asking.connect(position_of(address))
             until(lambda: "connections_fail" in caplog.text, "the line")
             before_s = used_s(thread)
             time.sleep(0.5)  # in which it would spin

@@ -87,7 +87,7 @@ def test_what_is_not_due_on_the_ground_is_not_late_in_the_next_flight(measured: 
     assert measured.late() == measured.late("0.001") > 100
 
 
-def test_a_lost_link_is_told_and_the_setpoints_after_it_are_late(measured: Measured) -> None:
+def test_a_lost_link_is_reported_and_the_setpoints_after_it_are_late(measured: Measured) -> None:
     uav = measured.uav
     uav.fly()
     uav.sim.begin_fault(LinkLost(), 0.9)

@@ -43,7 +43,7 @@ def test_a_missing_package_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> N
         opening.exporter(DaemonSettings(metrics="127.0.0.1:0"))
 
 
-def test_a_port_in_use_is_told() -> None:
+def test_a_port_in_use_is_reported() -> None:
     first = opening.exporter(DaemonSettings(metrics="127.0.0.1:0"))
     assert first is not None
     try:

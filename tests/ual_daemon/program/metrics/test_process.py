@@ -23,7 +23,7 @@ def where(daemon: DaemonProcess) -> str:
     return str(daemon.wait_for("metrics")["address"])
 
 
-def test_a_flight_is_seen_from_outside(start_daemon: StartDaemon, tmp_path: Path) -> None:
+def test_a_flight_is_observed_from_outside(start_daemon: StartDaemon, tmp_path: Path) -> None:
     flags = ("--auto-arm", "--set", "light.speed_factor=10", "--record", str(tmp_path))
     daemon = start_daemon("--metrics", "127.0.0.1:0", *flags)
     address = where(daemon)
@@ -61,7 +61,7 @@ def test_one_exporter_for_a_fleet_of_several_processes(start_daemon: StartDaemon
     assert scraped(address).all("ual_up") == [1.0, 1.0, 0.0, 0.0]
 
 
-def test_what_is_wrong_with_the_address_is_told_at_the_start(start_daemon: StartDaemon) -> None:
+def test_what_is_wrong_with_the_address_is_reported_at_the_start(start_daemon: StartDaemon) -> None:
     exposed = start_daemon("--metrics", "0.0.0.0:9110")
     assert exposed.wait() == 2
     assert exposed.stderr.startswith("ual-daemon: --metrics: 0.0.0.0:9110 can be read from other computers")

@@ -50,7 +50,7 @@ def test_after_a_pause_the_next_one_is_not_late() -> None:
     assert metered.meter.lateness.counts == (1,) * len(BOUNDS_S)
 
 
-def test_a_process_that_was_stopped_is_late_and_a_flight_that_was_given_up_is_not() -> None:
+def test_a_process_that_was_stopped_is_late_and_a_flight_that_was_abandoned_is_not() -> None:
     metered = Metered()
     metered.send(0.0, 3.02)
     assert (metered.late(2.0), metered.late(5.0)) == (0, 1)

@@ -28,7 +28,7 @@ def up(ns: str, value: float = 1.0) -> MetricSample:
     return MetricSample("ual_up", "", {"ns": ns}, value)
 
 
-async def asked(metrics: WorkersMetrics, some: Sequence[Worker], *answering: Worker) -> list[MetricSample]:
+async def requests_made(metrics: WorkersMetrics, some: Sequence[Worker], *answering: Worker) -> list[MetricSample]:
     """Returns the served samples when some of the workers answer the next question."""
     before = [len(worker.told) for worker in some]
     found = asyncio.create_task(asyncio.to_thread(metrics.samples))
@@ -44,7 +44,11 @@ async def asked(metrics: WorkersMetrics, some: Sequence[Worker], *answering: Wor
 def test_the_answers_of_all_stand_together() -> None:
     async def run() -> None:
         some = [Worker("uav_1", "uav_2"), Worker("uav_3")]
-        assert await asked(WorkersMetrics(some), some, *reversed(some)) == [up("uav_3"), up("uav_1"), up("uav_2")]
+        assert await requests_made(WorkersMetrics(some), some, *reversed(some)) == [
+            up("uav_3"),
+            up("uav_1"),
+            up("uav_2"),
+        ]
 
     asyncio.run(run())
 
@@ -52,7 +56,7 @@ def test_the_answers_of_all_stand_together() -> None:
 def test_uavs_of_a_process_that_has_ended_are_down() -> None:
     async def run() -> None:
         some = [Worker("uav_1"), Worker("uav_2", is_running=False)]
-        assert await asked(WorkersMetrics(some), some, some[0]) == [up("uav_1"), up("uav_2", 0.0)]
+        assert await requests_made(WorkersMetrics(some), some, some[0]) == [up("uav_1"), up("uav_2", 0.0)]
 
     asyncio.run(run())
 
@@ -63,9 +67,9 @@ def test_uavs_of_a_process_that_does_not_answer_are_down(monkeypatch: pytest.Mon
     async def run() -> None:
         some = [Worker("uav_1"), Worker("uav_2")]
         metrics = WorkersMetrics(some)
-        assert await asked(metrics, some, some[0]) == [up("uav_1"), up("uav_2", 0.0)]
+        assert await requests_made(metrics, some, some[0]) == [up("uav_1"), up("uav_2", 0.0)]
         metrics.on_answer(some[1], json.dumps([1, [["ual_up", "", {"ns": "late"}, 1.0]]]).encode())
-        assert await asked(metrics, some, *some) == [up("uav_1"), up("uav_2")]
+        assert await requests_made(metrics, some, *some) == [up("uav_1"), up("uav_2")]
 
     asyncio.run(run())
 

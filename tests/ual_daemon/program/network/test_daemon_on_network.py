@@ -32,7 +32,7 @@ def present(network: Network) -> list[str]:
     return [each.ns for each in network.uavs() if each.gone_s is None]
 
 
-def test_a_uav_is_flown_by_its_name(net: ZenohNet, config: str, start_daemon: StartDaemon) -> None:
+def test_a_uav_is_executed_by_its_name(net: ZenohNet, config: str, start_daemon: StartDaemon) -> None:
     net.router()
     daemon = start_daemon("--auto-arm", "--set", "light.speed_factor=10", "--network", config, ns="uav_7")
     network = net.network()
@@ -87,7 +87,7 @@ def test_a_router_that_comes_later_is_joined(net: ZenohNet, config: str, start_d
     until(lambda: present(net.network()) == ["uav_1"])
 
 
-def test_the_processes_of_a_fleet_are_told_of_one_by_one(net: ZenohNet, config: str, start_daemon: StartDaemon) -> None:
+def test_the_processes_of_a_fleet_learn_of_one_by_one(net: ZenohNet, config: str, start_daemon: StartDaemon) -> None:
     net.router()
     network = net.network()
     start_daemon("--fleet", "4", "--workers", "2", "--network", config, ns="uav_1")

@@ -21,12 +21,12 @@ from ual_daemon.settings import ConfigError
 ROOT = Path(__file__).parents[4]
 
 
-def told(ns: str, *listen: str) -> UavAnnouncement:
+def reported(ns: str, *listen: str) -> UavAnnouncement:
     return UavAnnouncement(ns, "light", [parse(each) for each in listen], lambda: telemetry(ns))
 
 
 def test_addresses_for_other_computers_come_first_by_the_name_of_the_host() -> None:
-    report = told("uav_1", "127.0.0.1:50051", "unix:/run/uav_1.sock", "0.0.0.0:50052", "10.0.0.1:50053").report(
+    report = reported("uav_1", "127.0.0.1:50051", "unix:/run/uav_1.sock", "0.0.0.0:50052", "10.0.0.1:50053").report(
         "field-1"
     )
     assert report.addresses == ("field-1:50052", "10.0.0.1:50053", "127.0.0.1:50051", "unix:/run/uav_1.sock")
@@ -38,10 +38,10 @@ def test_where_whoever_reaches_it_may_fly_no_role_is_needed() -> None:
     assert open_to_all.report("a").needed_role == ""
 
 
-def test_a_large_fleet_is_told_of_in_pieces_that_are_sent_at_once() -> None:
+def test_a_large_fleet_learns_of_in_pieces_that_are_sent_at_once() -> None:
     names = [f"uav_{number}" for number in range(1, 301)]
     teller = Publisher(NetworkSettings(), publisher_of(names))
-    teller.begin([told(name) for name in names])
+    teller.begin([reported(name) for name in names])
     reports = list(teller.reports(0.01))
     assert [len(each.uavs) for each in reports] == [128, 128, 44]
     assert [uav.ns for each in reports for uav in each.uavs] == names
@@ -63,7 +63,7 @@ def test_what_could_not_work_is_refused_at_the_start(tmp_path: Path, text: str, 
     assert caught.value.key == "network"
 
 
-def test_without_it_nothing_is_told() -> None:
+def test_without_it_nothing_is_reported() -> None:
     assert setup.publisher(None, ["uav_1"]) is None
 
 
@@ -89,12 +89,12 @@ def test_zenoh_is_known_where_the_network_is_joined_and_nowhere_else() -> None:
     assert {chain[-2] for chain in listening} <= {"ual.network", "ual.network.membership"}  # when a program asks for it
 
 
-def test_a_uav_that_cannot_be_told_of_silences_no_other() -> None:
+def test_a_uav_that_cannot_be_reported_silences_no_other() -> None:
     def fail() -> Telemetry:
         raise OverflowError("a stamp beyond all years")
 
     teller = Publisher(NetworkSettings(), publisher_of(["uav_1", "uav_2", "uav_3"]))
     broken = UavAnnouncement("uav_2", "light", [], fail)
-    teller.begin([told("uav_1"), broken, told("uav_3")])
+    teller.begin([reported("uav_1"), broken, reported("uav_3")])
     for _ in range(2):
         assert [uav.ns for each in teller.reports(0.01) for uav in each.uavs] == ["uav_1", "uav_3"]

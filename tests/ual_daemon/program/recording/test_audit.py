@@ -77,7 +77,7 @@ def test_a_flight_is_in_it_in_order(start_daemon: StartDaemon, file: Path) -> No
     assert began[:2] == ["TakeOff", "GoToWaypoint"]  # what takes a while is in it from its beginning
 
 
-def test_each_line_is_in_it_before_the_caller_could_be_asked_about_it(start_daemon: StartDaemon, file: Path) -> None:
+def test_each_row_is_in_it_before_the_caller_could_be_queried_about_it(start_daemon: StartDaemon, file: Path) -> None:
     first = start_daemon("--auto-arm", "--audit", str(file))
     with ual.Uav(address=first.address) as uav:
         uav.add_frame(ual.Transform(Vector3(1.0, 0.0, 0.0), child_frame_id="tower"))
@@ -120,7 +120,7 @@ def test_a_file_that_is_no_audit_is_left_alone(file: Path) -> None:
     assert file.read_text() == "a letter\nto somebody\n"
 
 
-def test_a_full_disk_is_told_and_what_waits_is_written_later(
+def test_a_full_disk_is_reported_and_what_waits_is_written_later(
     file: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(audit_writer, "_RETRY_S", 0.01)

@@ -279,7 +279,7 @@ def test_large_requests_wait_in_bounded_number(file: Path, disk: Disk) -> None:
     assert "84 LINES ARE MISSING" in verified(file)
 
 
-def test_a_line_is_never_so_long_that_the_next_daemon_takes_the_file_for_none(file: Path) -> None:
+def test_a_row_is_never_so_long_that_the_next_daemon_takes_the_file_for_none(file: Path) -> None:
     with stepped() as uav:
         it = Audit(AuditFile(file))
         name = "\x01" * (3 << 20)  # six times as long in JSON
@@ -293,7 +293,7 @@ def test_a_line_is_never_so_long_that_the_next_daemon_takes_the_file_for_none(fi
     assert "1 of them without content" in verified(file)
 
 
-def test_an_entry_that_cannot_be_made_has_a_line_in_its_place(file: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_an_entry_that_cannot_be_made_has_a_row_in_its_position(file: Path, caplog: pytest.LogCaptureFixture) -> None:
     def fail() -> dict[str, Any]:
         raise OverflowError("a defect")
 
@@ -308,7 +308,7 @@ def test_an_entry_that_cannot_be_made_has_a_line_in_its_place(file: Path, caplog
     assert {each.levelname for each in caplog.records if each.name == "ual.shared.guard"} == {"ERROR"}
 
 
-def test_a_full_disk_at_the_end_leaves_no_part_of_a_line(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_at_the_end_leaves_no_part_of_a_row(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(audit_writer, "_RETRY_S", 0.01)
     written = os.write
     it = Audit(AuditFile(file))

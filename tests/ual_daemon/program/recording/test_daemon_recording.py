@@ -181,7 +181,7 @@ def test_a_directory_that_cannot_be_written_is_refused_before_anything_flies(
     assert daemon.stderr.strip() == f"ual-daemon: cannot record into {tmp_path / 'file'}: File exists"
 
 
-def test_pictures_are_recorded_where_that_is_asked_for(start_daemon: StartDaemon, tmp_path: Path) -> None:
+def test_pictures_are_recorded_where_that_is_requested(start_daemon: StartDaemon, tmp_path: Path) -> None:
     daemon = start_daemon("--record", str(tmp_path), "--record-pictures", backend="light")
     daemon.wait_for("state", new="LANDED_DISARMED")
     with ual.Uav(daemon.ns) as uav:

@@ -52,7 +52,7 @@ def beyond_loopback() -> str:
 
 
 @dataclass(frozen=True)
-class Way:
+class Variant:
     """One way in. `role` is what the caller may do; None where it does not even get a connection."""
 
     role: Role | None
@@ -63,38 +63,42 @@ class Way:
     metadata: tuple[tuple[str, str], ...] = ()
 
 
-def ways(made: Made) -> dict[str, Way]:
+def variants(made: Made) -> dict[str, Variant]:
     """Every way in, by name."""
     forwarded = ("x-forwarded-for", "203.0.113.7")
     return {
-        "loopback": Way(Role.COMMANDER, "plain"),
-        "unix socket": Way(Role.COMMANDER, "unix"),
-        "loopback, token of a pilot": Way(Role.PILOT, "plain", made.tokens["pilot"]),
-        "loopback, wrong token": Way(Role.NONE, "plain", "ual_wrong"),
-        "gateway, nobody": Way(Role.NONE, "plain", metadata=(forwarded,)),
-        "gateway, token of an observer": Way(Role.OBSERVER, "plain", made.tokens["observer"], metadata=(forwarded,)),
-        "gateway, certificate": Way(Role.PILOT, "plain", metadata=(forwarded, ("x-ual-certificate", "pilot"))),
-        "gateway, unknown certificate": Way(Role.NONE, "plain", metadata=(forwarded, ("x-ual-certificate", "who"))),
-        "gateway, from this computer": Way(Role.COMMANDER, "plain", metadata=(("x-forwarded-for", "127.0.0.1"),)),
-        "tls, nothing": Way(Role.NONE),
-        "tls, as if forwarded from the daemon's computer": Way(Role.NONE, metadata=(("x-forwarded-for", "127.0.0.1"),)),
-        "tls, as if by a gateway": Way(Role.NONE, metadata=(forwarded, ("x-ual-certificate", "commander"))),
-        "tls, token of an observer": Way(Role.OBSERVER, token=made.tokens["observer"]),
-        "tls, token of a pilot": Way(Role.PILOT, token=made.tokens["pilot"]),
-        "tls, token of a commander": Way(Role.COMMANDER, token=made.tokens["commander"]),
-        "tls, token that the roles file lowers": Way(Role.OBSERVER, token=made.tokens["lowered"]),
-        "tls, expired token": Way(Role.NONE, token=made.tokens["expired"]),
-        "tls, revoked token": Way(Role.NONE, token=made.tokens["revoked"]),
-        "tls, no scheme before the token": Way(Role.NONE, metadata=(("authorization", made.tokens["pilot"]),)),
-        "mutual tls, no certificate": Way(None, "mutual"),
-        "mutual tls, observer": Way(Role.OBSERVER, "mutual", certificate="observer"),
-        "mutual tls, pilot": Way(Role.PILOT, "mutual", certificate="pilot"),
-        "mutual tls, commander": Way(Role.COMMANDER, "mutual", certificate="commander"),
-        "mutual tls, revoked": Way(Role.NONE, "mutual", certificate="revoked"),
-        "mutual tls, not in the roles file": Way(Role.NONE, "mutual", certificate="unknown"),
-        "mutual tls, expired": Way(None, "mutual", certificate="expired"),
-        "mutual tls, another authority": Way(None, "mutual", certificate="other/commander"),
-        "mutual tls, pilot with the token of an observer": Way(
+        "loopback": Variant(Role.COMMANDER, "plain"),
+        "unix socket": Variant(Role.COMMANDER, "unix"),
+        "loopback, token of a pilot": Variant(Role.PILOT, "plain", made.tokens["pilot"]),
+        "loopback, wrong token": Variant(Role.NONE, "plain", "ual_wrong"),
+        "gateway, nobody": Variant(Role.NONE, "plain", metadata=(forwarded,)),
+        "gateway, token of an observer": Variant(
+            Role.OBSERVER, "plain", made.tokens["observer"], metadata=(forwarded,)
+        ),
+        "gateway, certificate": Variant(Role.PILOT, "plain", metadata=(forwarded, ("x-ual-certificate", "pilot"))),
+        "gateway, unknown certificate": Variant(Role.NONE, "plain", metadata=(forwarded, ("x-ual-certificate", "who"))),
+        "gateway, from this computer": Variant(Role.COMMANDER, "plain", metadata=(("x-forwarded-for", "127.0.0.1"),)),
+        "tls, nothing": Variant(Role.NONE),
+        "tls, as if forwarded from the daemon's computer": Variant(
+            Role.NONE, metadata=(("x-forwarded-for", "127.0.0.1"),)
+        ),
+        "tls, as if by a gateway": Variant(Role.NONE, metadata=(forwarded, ("x-ual-certificate", "commander"))),
+        "tls, token of an observer": Variant(Role.OBSERVER, token=made.tokens["observer"]),
+        "tls, token of a pilot": Variant(Role.PILOT, token=made.tokens["pilot"]),
+        "tls, token of a commander": Variant(Role.COMMANDER, token=made.tokens["commander"]),
+        "tls, token that the roles file lowers": Variant(Role.OBSERVER, token=made.tokens["lowered"]),
+        "tls, expired token": Variant(Role.NONE, token=made.tokens["expired"]),
+        "tls, revoked token": Variant(Role.NONE, token=made.tokens["revoked"]),
+        "tls, no scheme before the token": Variant(Role.NONE, metadata=(("authorization", made.tokens["pilot"]),)),
+        "mutual tls, no certificate": Variant(None, "mutual"),
+        "mutual tls, observer": Variant(Role.OBSERVER, "mutual", certificate="observer"),
+        "mutual tls, pilot": Variant(Role.PILOT, "mutual", certificate="pilot"),
+        "mutual tls, commander": Variant(Role.COMMANDER, "mutual", certificate="commander"),
+        "mutual tls, revoked": Variant(Role.NONE, "mutual", certificate="revoked"),
+        "mutual tls, not in the roles file": Variant(Role.NONE, "mutual", certificate="unknown"),
+        "mutual tls, expired": Variant(None, "mutual", certificate="expired"),
+        "mutual tls, another authority": Variant(None, "mutual", certificate="other/commander"),
+        "mutual tls, pilot with the token of an observer": Variant(
             Role.OBSERVER, "mutual", made.tokens["observer"], "pilot"
         ),
     }
@@ -143,7 +147,7 @@ class Served:
     addresses: Mapping[str, str]
     made: Made
 
-    def channel(self, way: Way) -> grpc.aio.Channel:
+    def channel(self, way: Variant) -> grpc.aio.Channel:
         """A channel of a way in, for asyncio."""
         credentials = self._credentials(way)
         address = self.addresses[way.kind]
@@ -151,13 +155,13 @@ class Served:
             return grpc.aio.insecure_channel(address)
         return grpc.aio.secure_channel(address, credentials)
 
-    def blocking_channel(self, way: Way) -> grpc.Channel:
+    def blocking_channel(self, way: Variant) -> grpc.Channel:
         """The same, for threads."""
         credentials = self._credentials(way)
         address = self.addresses[way.kind]
         return grpc.insecure_channel(address) if credentials is None else grpc.secure_channel(address, credentials)
 
-    def _credentials(self, way: Way) -> grpc.ChannelCredentials | None:
+    def _credentials(self, way: Variant) -> grpc.ChannelCredentials | None:
         if way.kind in ("plain", "unix"):
             return None
         trusted = self.made.authority.read_bytes()
@@ -167,7 +171,7 @@ class Served:
         return grpc.ssl_channel_credentials(trusted, shown.key.read_bytes(), shown.certificate.read_bytes())
 
     @staticmethod
-    def metadata(way: Way) -> tuple[tuple[str, str], ...]:
+    def metadata(way: Variant) -> tuple[tuple[str, str], ...]:
         """Returns the metadata of calls by a way in."""
         return way.metadata if way.token is None else (*way.metadata, ("authorization", f"Bearer {way.token}"))
 

@@ -11,7 +11,7 @@ import grpc
 import grpc.aio
 import pytest
 
-from tests.ual_daemon.server.access.entrances import Served, beyond_loopback, make_files, served, ways
+from tests.ual_daemon.server.access.entrances import Served, beyond_loopback, make_files, served, variants
 from tests.waiting import LIMIT_S
 from ual.access import tokens
 from ual.shared import whole_file
@@ -48,7 +48,7 @@ def test_a_revoked_token_ends_its_streams(tmp_path: Path, transport: Choice, mon
     monkeypatch.setattr(calls, "REQUEST_S", 0.1)
 
     async def check(to: Served) -> None:
-        way = ways(to.made)["tls, token of an observer"]
+        way = variants(to.made)["tls, token of an observer"]
         async with to.channel(way) as channel:
             stub = ual_pb2_grpc.UalServiceStub(channel)
             stream = stub.StreamTelemetry(pb.StreamTelemetryRequest(), metadata=to.metadata(way))
@@ -65,7 +65,7 @@ def test_a_lowered_role_ends_its_streams(tmp_path: Path, transport: Choice, monk
     monkeypatch.setattr(calls, "REQUEST_S", 0.1)
 
     async def check(to: Served) -> None:
-        way = ways(to.made)["tls, token of a pilot"]
+        way = variants(to.made)["tls, token of a pilot"]
         async with to.channel(way) as channel:
             stub = ual_pb2_grpc.UalServiceStub(channel)
             watching = stub.StreamTelemetry(pb.StreamTelemetryRequest(), metadata=to.metadata(way))
@@ -81,7 +81,7 @@ def test_a_lowered_role_ends_its_streams(tmp_path: Path, transport: Choice, monk
 
 def test_a_renewed_certificate_is_used_without_a_restart(tmp_path: Path, transport: Choice) -> None:
     async def check(to: Served) -> None:
-        way = ways(to.made)["tls, token of a pilot"]
+        way = variants(to.made)["tls, token of a pilot"]
         for kind in ("key", "certificate"):
             getattr(certificates.files(tmp_path, "uav_1"), kind).rename(tmp_path / f"old {kind}")
         new = tmp_path / "new"
@@ -105,7 +105,7 @@ def test_one_caller_does_not_use_up_the_share_of_another(
     monkeypatch.setattr(calls, "MOST_OF_ONE_METHOD", 3)
 
     async def check(to: Served) -> None:
-        greedy, other = (ways(to.made)[f"tls, token of {who}"] for who in ("an observer", "a pilot"))
+        greedy, other = (variants(to.made)[f"tls, token of {who}"] for who in ("an observer", "a pilot"))
         async with to.channel(greedy) as channel, to.channel(other) as another:
             stub = ual_pb2_grpc.UalServiceStub(channel)
             request = pb.StreamTelemetryRequest()
@@ -126,7 +126,7 @@ def test_one_caller_does_not_use_up_the_share_of_another(
 
 def test_only_a_commander_takes_the_lease(tmp_path: Path, transport: Choice) -> None:
     async def check(to: Served) -> None:
-        pilot, commander = (ways(to.made)[f"tls, token of a {who}"] for who in ("pilot", "commander"))
+        pilot, commander = (variants(to.made)[f"tls, token of a {who}"] for who in ("pilot", "commander"))
         async with to.channel(pilot) as first, to.channel(commander) as second:
             stub, commanding = ual_pb2_grpc.UalServiceStub(first), ual_pb2_grpc.UalServiceStub(second)
             request = pb.AcquireLeaseRequest(holder="film", take=True)

@@ -13,7 +13,7 @@ from grpc_health.v1 import health_pb2
 from grpc_reflection.v1alpha import reflection_pb2
 
 from tests.contract_files import FILES
-from tests.ual_daemon.server.access.entrances import Served, Way, beyond_loopback, make_files, served, ways
+from tests.ual_daemon.server.access.entrances import Served, Variant, beyond_loopback, make_files, served, variants
 from tests.waiting import LIMIT_S
 from ual.access.roles import Role
 from ual.v1 import simulation_pb2
@@ -36,7 +36,7 @@ REFUSED = (grpc.StatusCode.UNAUTHENTICATED, grpc.StatusCode.PERMISSION_DENIED, g
 ROW = re.compile(r"^\| (`\w+Service`|`Health`.*?) \|(.*?)\|(.*?)\|(.*?)\|.*\|$", re.MULTILINE)
 
 
-def said_roles() -> dict[str, Role]:
+def stated_roles() -> dict[str, Role]:
     """The role of each method, by the table of the page: `Service/Method`, or `Service` where all need the same."""
     found: dict[str, Role] = {}
     for services, *cells in ROW.findall(PAGE.read_text(encoding="utf-8")):
@@ -47,9 +47,9 @@ def said_roles() -> dict[str, Role]:
     return found
 
 
-def said(method: str) -> Role:
+def status_text(method: str) -> Role:
     service, _, name = method.rpartition(".")[2].partition("/")
-    table = said_roles()
+    table = stated_roles()
     return table[f"{service}/{name}" if f"{service}/{name}" in table else service]
 
 
@@ -67,20 +67,20 @@ def status(channel: grpc.Channel, method: str, metadata: tuple[tuple[str, str], 
     return grpc.StatusCode.OK, ""
 
 
-def expected(way: Way, method: str) -> grpc.StatusCode | None:
+def expected(way: Variant, method: str) -> grpc.StatusCode | None:
     """The status by which it is refused because of who calls; None where it is not."""
     if way.role is None:
         return grpc.StatusCode.UNAVAILABLE  # no TLS connection
     if way.role is Role.NONE:
         return grpc.StatusCode.UNAUTHENTICATED
-    return grpc.StatusCode.PERMISSION_DENIED if way.role < said(method) else None
+    return grpc.StatusCode.PERMISSION_DENIED if way.role < status_text(method) else None
 
 
 def test_the_page_says_the_role_of_every_method() -> None:
-    assert {method: needed_role(method) for method in METHODS} == {method: said(method) for method in METHODS}
+    assert {method: needed_role(method) for method in METHODS} == {method: status_text(method) for method in METHODS}
 
 
-def problems(to: Served, name: str, way: Way) -> list[str]:
+def problems(to: Served, name: str, way: Variant) -> list[str]:
     found = []
     with to.blocking_channel(way) as channel:
         for method in METHODS:
@@ -95,7 +95,7 @@ def test_each_caller_may_do_what_its_role_says(tmp_path: Path, transport: Choice
     host = beyond_loopback()
 
     def ask_all(to: Served) -> list[str]:
-        return [problem for name, way in ways(to.made).items() for problem in problems(to, name, way)]
+        return [problem for name, way in variants(to.made).items() for problem in problems(to, name, way)]
 
     async def check() -> list[str]:
         async with served(make_files(tmp_path, host), host, transport) as to:
@@ -110,7 +110,7 @@ def test_a_stranger_cannot_see_that_a_uav_or_a_method_exists(tmp_path: Path, tra
     named = ((), (("ual-ns", "uav_1"),), (("ual-ns", "uav_2"),))
 
     def ask_all(to: Served) -> set[tuple[grpc.StatusCode, str]]:
-        with to.blocking_channel(ways(to.made)["tls, nothing"]) as channel:
+        with to.blocking_channel(variants(to.made)["tls, nothing"]) as channel:
             return {status(channel, method, metadata) for method in asked for metadata in named}
 
     async def answers() -> set[tuple[grpc.StatusCode, str]]:

@@ -62,7 +62,7 @@ def test_the_roles_file() -> None:
         ("a: [", "line 1"),
     ],
 )
-def test_why_a_roles_file_is_refused_is_said(text: str, why: str) -> None:
+def test_why_a_roles_file_is_refused_is_reported(text: str, why: str) -> None:
     with pytest.raises(ValueError, match=why):
         read_roles(text.encode())
 
@@ -86,7 +86,7 @@ def test_a_file_is_read_anew_when_it_has_changed(file: Path) -> None:
 
 
 @pytest.mark.parametrize("change", ["wrong", "missing", "open to all"])
-def test_a_change_that_cannot_be_read_is_told_and_changes_nothing(
+def test_a_change_that_cannot_be_read_is_reported_and_changes_nothing(
     file: Path, change: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     number = watched(file)

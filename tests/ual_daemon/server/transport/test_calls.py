@@ -146,7 +146,7 @@ def test_only_the_first_end_counts_and_what_is_sent_after_it_is_left_out(served:
         assert list(stream(channel)(iter([]))) == [b"first"]
 
 
-def test_a_caller_who_gives_up_is_told_of(served: Served) -> None:
+def test_a_caller_who_gives_up_learns_of(served: Served) -> None:
     told, taken = threading.Event(), SimpleQueue[ServedCall]()
 
     def take(call: ServedCall) -> None:
@@ -163,7 +163,7 @@ def test_a_caller_who_gives_up_is_told_of(served: Served) -> None:
         del call
 
 
-def test_a_call_that_ended_well_is_not_told_as_given_up(served: Served) -> None:
+def test_a_call_that_ended_well_is_not_reported_as_abandoned(served: Served) -> None:
     told = threading.Event()
 
     def take(call: ServedCall) -> None:
@@ -256,7 +256,7 @@ def test_a_path_that_is_no_text_does_not_keep_others_from_being_served(loop: Loo
     assert taken.count("/a.B/C") == 1
 
 
-def test_metadata_that_are_none_get_a_status_and_one_kind_of_line(
+def test_metadata_that_are_none_get_a_status_and_one_kind_of_row(
     loop: Loop, transport: Choice, caplog: pytest.LogCaptureFixture
 ) -> None:
     serving = taking(transport, lambda call: call.finish(b"answer"))
@@ -277,7 +277,7 @@ def descriptors() -> int:
 
 
 @pytest.mark.skipif(not hasattr(socket, "TCP_DEFER_ACCEPT"), reason="the system does not hold connections back")
-def test_a_connection_on_which_nothing_was_said_never_reaches_grpc(loop: Loop, transport: Choice) -> None:
+def test_a_connection_on_which_nothing_was_reported_never_reaches_grpc(loop: Loop, transport: Choice) -> None:
     serving = taking(transport, lambda call: call.finish(b"answer"))
     address = loop.run(serving.__aenter__())
     host, _, port = address.partition(":")

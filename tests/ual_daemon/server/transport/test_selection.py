@@ -121,7 +121,7 @@ USED = ("CallError", "CompletionQueue", "CompletionType", "Server", *OPERATIONS)
     ],
     ids=str,
 )
-def test_a_broken_core_is_not_used_and_one_line_says_why(
+def test_a_broken_core_is_not_used_and_one_message_says_why(
     binding: Binding, why: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(self_test, "LIMIT_S", LIMIT_S)

@@ -75,7 +75,7 @@ def test_modes(number: int, name: str, control: Control) -> None:
     assert (mode.name, mode.control) == (name, control)
 
 
-def test_a_multirotor_is_flown() -> None:
+def test_a_multirotor_is_executed() -> None:
     info = met().session.info()
     assert info.autopilot == "ArduPilot"
     assert info.capabilities == frozenset(Capability)
@@ -176,7 +176,7 @@ def test_it_does_not_take_off_before_home_is_known() -> None:
 @pytest.mark.parametrize(
     "snapshot", [changed(standing(487.0), projection=None), changed(standing(487.0), home_altitude_amsl_m=None)]
 )
-def test_where_home_or_origin_was_not_heard_yet_its_own_height_above_home_counts(snapshot: Snapshot) -> None:
+def test_where_home_or_origin_was_not_received_yet_its_own_height_above_home_counts(snapshot: Snapshot) -> None:
     place = GeoPoint(47.4, 8.5, altitude_amsl_m=488.2, altitude_home_m=0.3)
     climb = COPTER.take_off(3.0, changed(snapshot, position_geo=place)).then
     assert climb is not None
@@ -268,7 +268,7 @@ def test_a_limit_that_did_not_come_is_the_lowest_that_any_version_ships(read: di
         assert missing in name.split(" or ")
 
 
-def test_both_names_of_a_parameter_are_asked_for_until_one_has_come() -> None:
+def test_both_names_of_a_parameter_are_requested_until_one_has_come() -> None:
     harness = met()
     harness.run(0.5)
     asked = [message.param_id for message in harness.link.take("PARAM_REQUEST_READ")]
@@ -299,7 +299,7 @@ def test_what_is_assumed_ends_the_reason_of_the_state_until_the_parameters_come(
     assert harness.session.info().note == ""
 
 
-def test_a_fence_whose_parameters_did_not_come_is_told() -> None:
+def test_a_fence_whose_parameters_did_not_come_is_reported() -> None:
     fence = COPTER.autopilot_fence({"FENCE_ENABLE": 1.0}, is_enabled=True)
     assert (fence.limits, fence.unread) == ((), "FENCE_TYPE, which it has not sent")
     fence = COPTER.autopilot_fence({"FENCE_ENABLE": 1.0, "FENCE_TYPE": 3.0, "FENCE_ALT_MAX": 50.0}, is_enabled=True)
@@ -345,14 +345,14 @@ def test_on_a_board_it_is_no_simulator_even_where_it_simulates(board_type: int, 
         (0, "no attitude, horizontal velocity, vertical velocity, horizontal position, height"),
     ],
 )
-def test_its_estimator_is_judged_by_its_flags(flags: int, why: str) -> None:
+def test_its_estimator_is_assessed_by_its_flags(flags: int, why: str) -> None:
     harness = met()
     harness.receive(mavlink.MAVLink_ekf_status_report_message(flags, 0, 0, 0, 0, 0))
     found = harness.snapshot().motion.estimator.value
     assert (found.is_good, found.why) == (not why, why)
 
 
-def test_it_is_asked_for_everything_since_nothing_comes_by_itself() -> None:
+def test_it_is_requested_everything_since_nothing_comes_by_itself() -> None:
     harness = met()
     asked: set[int] = set()
     for _ in range(20):
@@ -364,7 +364,7 @@ def test_it_is_asked_for_everything_since_nothing_comes_by_itself() -> None:
     assert mavlink.MAVLINK_MSG_ID_HEARTBEAT in asked
 
 
-def test_it_is_asked_anew_when_it_booted_so_fast_that_its_silence_was_not_noticed() -> None:
+def test_it_is_requested_anew_when_it_booted_so_fast_that_its_silence_was_not_noticed() -> None:
     harness = met()
     for _ in range(20):
         harness.run(0.05)
@@ -397,7 +397,7 @@ def test_its_mode_is_changed_when_somebody_asks_to_arm_it_where_it_cannot_be_arm
 
 
 @pytest.mark.parametrize("mode", [3, 18, 99])
-def test_a_mode_in_which_arming_may_start_a_flight_is_left_and_seen_to_be(mode: int) -> None:
+def test_a_mode_in_which_arming_may_start_a_flight_is_left_and_observed_to_be(mode: int) -> None:
     harness = met(mode)
     harness.session.submit(COPTER.arm(harness.snapshot()), harness.now_s)
     harness.receive(ack(SET_MODE, ACCEPTED), beat(mode))

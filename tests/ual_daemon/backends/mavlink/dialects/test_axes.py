@@ -41,7 +41,7 @@ def test_north_east_down_are_y_x_and_minus_z() -> None:
 
 
 @given(rotations(), NUMBERS, NUMBERS, NUMBERS)
-def test_an_orientation_rotates_an_arrow_of_the_body_to_the_same_place(
+def test_an_orientation_rotates_an_arrow_of_the_body_to_the_same_position(
     q: Quaternion, x: float, y: float, z: float
 ) -> None:
     """Rotates by MAVLink's rotation and then converts the axes, or the other way round."""

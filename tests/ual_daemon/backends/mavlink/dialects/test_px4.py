@@ -136,7 +136,7 @@ def version_message(uid: int, version: int = 0x011100FF) -> Message:
     return mavlink.MAVLink_autopilot_version_message(0, version, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, uid)
 
 
-def test_px4s_simulator_is_told_by_its_unique_id() -> None:
+def test_px4s_simulator_is_reported_by_its_unique_id() -> None:
     harness = Harness()
     harness.receive(heartbeat())
     assert harness.session.info().is_simulation is False
@@ -160,11 +160,11 @@ def test_hardware_in_the_loop_is_a_simulation() -> None:
     ("number", "text"),
     [(0x011100FF, "1.17.0"), (0x010F0380, "1.15.3 beta"), (0x01100000, "1.16.0 dev"), (0x011000C0, "1.16.0 rc")],
 )
-def test_versions_are_told_for_people(number: int, text: str) -> None:
+def test_versions_are_reported_for_people(number: int, text: str) -> None:
     assert version_text(number) == text
 
 
-def test_an_unknown_autopilot_is_heard_but_not_flown() -> None:
+def test_an_unknown_autopilot_is_received_but_not_controlled() -> None:
     harness = Harness()
     harness.receive(heartbeat(5, armed=True, autopilot=mavlink.MAV_AUTOPILOT_GENERIC))
     snapshot, info = harness.snapshot(), harness.session.info()

@@ -68,7 +68,7 @@ def test_an_event_that_px4_sends_again_for_somebody_else_is_no_news(boot_ms: int
         (MODES_MANUAL, "EXTERNAL1", True),  # not known: better a word too many
     ],
 )
-def test_a_failed_check_is_told_where_it_concerns_the_mode(modes: int, mode: str, is_told: bool) -> None:
+def test_a_failed_check_is_reported_where_it_concerns_the_mode(modes: int, mode: str, is_told: bool) -> None:
     found = Px4().event(frame(event("check_modes_manual_control", modes=modes)), mode)
     assert found.text == ("check modes manual control" if is_told else "")
 
@@ -132,10 +132,10 @@ CRITICAL, WARNING = 0x42, 0x44
         ("check_battery_critical", CRITICAL, ""),
     ],
 )
-def test_a_severe_event_is_told_unless_it_is_a_check(name: str, levels: int, text: str) -> None:
+def test_a_severe_event_is_reported_unless_it_is_a_check(name: str, levels: int, text: str) -> None:
     assert Px4().event(frame(event(name, levels=levels)), LOITER_NAME).severe_text == text
 
 
-def test_a_severe_event_without_a_name_is_told_by_its_number() -> None:
+def test_a_severe_event_without_a_name_is_reported_by_its_number() -> None:
     found = Px4().event(frame(event("no_name_of_ours", levels=CRITICAL)), LOITER_NAME)
     assert found.severe_text == f"event {event_id('no_name_of_ours')}, of which UAL knows no name"

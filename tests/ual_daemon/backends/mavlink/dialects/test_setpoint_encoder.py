@@ -24,7 +24,7 @@ TARGET = MessageSource(7, 1)
 
 @pytest.mark.parametrize("has_key", [False, True])
 @pytest.mark.parametrize(("dialect", "learns"), [(Px4(), True), (Px4(), False), (ArduCopter(), False)])
-def test_a_velocity_has_the_same_bytes_on_both_ways(dialect: Dialect, learns: bool, has_key: bool) -> None:
+def test_a_velocity_has_the_same_bytes_on_both_directions(dialect: Dialect, learns: bool, has_key: bool) -> None:
     chance, parameters = random.Random(4), dict[str, float]()
     feed_forwards = [FeedForward(0.2, parameters) if learns else None for _ in range(2)]
     short, long = (SetpointEncoder(dialect, TARGET, parameters, each) for each in feed_forwards)
@@ -49,7 +49,7 @@ def test_a_velocity_has_the_same_bytes_on_both_ways(dialect: Dialect, learns: bo
         assert plain[0] == tuple(flown.velocity)
 
 
-def test_only_a_velocity_alone_takes_the_short_way() -> None:
+def test_only_a_velocity_alone_takes_the_short_path() -> None:
     encoder = SetpointEncoder(Px4(), TARGET, {}, None)
     still = Vector3()
     assert encoder.velocity(VelocitySetpoint(still), 1.0) is not None
@@ -58,7 +58,7 @@ def test_only_a_velocity_alone_takes_the_short_way() -> None:
     assert SetpointEncoder(Unknown(0), TARGET, {}, None).velocity(VelocitySetpoint(still), 1.0) is None
 
 
-def test_the_short_way_has_the_bytes_of_pymavlink() -> None:
+def test_the_short_path_has_the_bytes_of_pymavlink() -> None:
     encoder, theirs = SetpointEncoder(Px4(), TARGET, {}, FeedForward(0.3)), mavlink.MAVLink(None, 7, 191)
     codec = Codec(191)
     codec.join(7)

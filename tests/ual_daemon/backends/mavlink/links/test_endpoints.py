@@ -85,7 +85,7 @@ def test_urls_are_understood(url: str, endpoint: Endpoint) -> None:
         ("serial://", "a baud rate"),
     ],
 )
-def test_a_url_that_cannot_be_used_is_refused_in_one_line_with_the_right_spelling(url: str, why: str) -> None:
+def test_a_url_that_cannot_be_used_is_refused_in_one_message_with_the_right_spelling(url: str, why: str) -> None:
     with pytest.raises(ConfigError) as caught:
         parse_url(url)
     text = str(caught.value)

@@ -97,7 +97,7 @@ def url_of(server: socket.socket) -> str:
 # --- TCP, we connect --------------------------------------------------------------------------------------------------
 
 
-def test_tcp_carries_bytes_both_ways(server: socket.socket) -> None:
+def test_tcp_carries_bytes_both_directions(server: socket.socket) -> None:
     with running(url_of(server)) as run:
         run.step()
         peer, _ = server.accept()
@@ -109,7 +109,7 @@ def test_tcp_carries_bytes_both_ways(server: socket.socket) -> None:
             run.until(lambda: run.got == b"and back")
 
 
-def test_a_server_that_is_not_there_yet_is_told_once_and_found(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_server_that_is_not_there_yet_is_reported_once_and_found(caplog: pytest.LogCaptureFixture) -> None:
     port = free_port()
     with caplog.at_level(logging.INFO), running(f"tcp://{HERE}:{port}") as run:
         for _ in range(20):
@@ -191,7 +191,7 @@ def stalled(kind: str) -> Iterator[tuple[Run, socket.socket]]:
 
 
 @pytest.mark.parametrize("kind", ["tcp", "tcpin"])
-def test_what_a_stalled_connection_holds_is_not_delivered_once_it_is_given_up(kind: str) -> None:
+def test_what_a_stalled_connection_holds_is_not_delivered_once_it_is_abandoned(kind: str) -> None:
     """It may be a landing, over the mode of a pilot who has taken over since."""
     with stalled(kind) as (run, peer):
         sent = fill(run)
@@ -242,13 +242,13 @@ def test_the_pause_between_attempts_grows_and_is_short_again_after_it_went_well(
         assert attempts[1] - attempts[0] < 0.4
 
 
-def test_a_host_that_nobody_knows_is_told() -> None:
+def test_a_host_that_nobody_knows_is_reported() -> None:
     with running("tcp://no-such-host.invalid:5760") as run:
         run.step()
         assert run.connection.trouble.startswith("cannot find the host no-such-host.invalid: ")
 
 
-def test_a_name_that_is_no_name_is_told() -> None:
+def test_a_name_that_is_no_name_is_reported() -> None:
     with running("tcp://a..b:5760") as run:
         run.until(lambda: run.connection.trouble)
         assert run.connection.trouble == "cannot find the host a..b: that is no host name; trying again"
@@ -270,7 +270,7 @@ def test_a_slow_name_service_holds_nothing_up(monkeypatch: pytest.MonkeyPatch, s
         run.until(lambda: run.connections_count == 1, passed_s=0.5)
 
 
-def test_a_name_service_that_times_out_is_asked_again(monkeypatch: pytest.MonkeyPatch, server: socket.socket) -> None:
+def test_a_name_service_that_times_out_is_queried_again(monkeypatch: pytest.MonkeyPatch, server: socket.socket) -> None:
     def times_out(*_: Any, **__: Any) -> Any:
         raise TimeoutError(errno.ETIMEDOUT, os.strerror(errno.ETIMEDOUT))
 
@@ -288,7 +288,7 @@ def test_a_name_service_that_times_out_is_asked_again(monkeypatch: pytest.Monkey
 
 
 @pytest.mark.parametrize("scheme", ["tcp", "udpin"])
-def test_a_system_that_has_no_socket_left_is_told_and_tried_again(
+def test_a_system_that_has_no_socket_left_is_reported_and_tried_again(
     scheme: str, monkeypatch: pytest.MonkeyPatch, server: socket.socket
 ) -> None:
     port = server.getsockname()[1] if scheme == "tcp" else free_port()
@@ -387,7 +387,7 @@ def test_a_silent_one_is_hung_up_on() -> None:
             run.until(lambda: run.connections_count == 2)
 
 
-def test_a_taken_tcp_port_is_told_and_taken_when_it_is_free() -> None:
+def test_a_taken_tcp_port_is_reported_and_taken_when_it_is_free() -> None:
     with listener() as other:
         port = other.getsockname()[1]
         run_of_port = running(f"tcpin://{HERE}:{port}")
@@ -406,7 +406,7 @@ def test_a_taken_tcp_port_is_told_and_taken_when_it_is_free() -> None:
 # --- Serial lines -----------------------------------------------------------------------------------------------------
 
 
-class Line:
+class LinkStub:
     """A pseudo-terminal at a fixed path, that can be plugged in and out."""
 
     def __init__(self, path: Path) -> None:
@@ -424,109 +424,111 @@ class Line:
 
 
 @pytest.fixture
-def line(tmp_path: Path) -> Line:
-    return Line(tmp_path / "ttyACM0")
+def serial_link_stub(tmp_path: Path) -> LinkStub:
+    return LinkStub(tmp_path / "ttyACM0")
 
 
 @contextlib.contextmanager
-def running_serial(line: Line) -> Iterator[Run]:
-    run = Run("serial", SerialEndpoint(str(line.path), 57600))
+def running_serial(serial_link_stub: LinkStub) -> Iterator[Run]:
+    run = Run("serial", SerialEndpoint(str(serial_link_stub.path), 57600))
     with contextlib.closing(run.connection):
         yield run
 
 
-def test_a_serial_line_carries_bytes_as_they_are(line: Line) -> None:
-    line.plug()
+def test_a_serial_link_carries_bytes_as_they_are(serial_link_stub: LinkStub) -> None:
+    serial_link_stub.plug()
     everything = bytes(range(256))
-    with running_serial(line) as run:
+    with running_serial(serial_link_stub) as run:
         run.step()
-        os.write(line.device, everything)
+        os.write(serial_link_stub.device, everything)
         run.until(lambda: run.got == everything)
         assert run.connection.send(everything)
         got = b""
         while len(got) < 256:
-            got += os.read(line.device, 1000)
+            got += os.read(serial_link_stub.device, 1000)
         assert got == everything
-    line.unplug()
+    serial_link_stub.unplug()
 
 
-def test_a_device_that_comes_goes_and_comes_again(line: Line, caplog: pytest.LogCaptureFixture) -> None:
-    with caplog.at_level(logging.WARNING), running_serial(line) as run:
+def test_a_device_that_comes_goes_and_comes_again(serial_link_stub: LinkStub, caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.WARNING), running_serial(serial_link_stub) as run:
         for _ in range(5):
             run.step(1.0)
-        missing = f"cannot open {line.path}: there is no such device (is it plugged in?); trying again"
+        missing = f"cannot open {serial_link_stub.path}: there is no such device (is it plugged in?); trying again"
         assert run.connection.trouble == missing
         for count in (1, 2):
-            line.plug()
+            serial_link_stub.plug()
             run.until(lambda count=count: run.connections_count == count, passed_s=0.5)  # type: ignore[misc]
-            os.write(line.device, b"hello")
+            os.write(serial_link_stub.device, b"hello")
             run.until(lambda: run.got == b"hello")
             run.connection.on_received(run.now_s + 0.1)
             run.got = b""
-            line.unplug()
+            serial_link_stub.unplug()
             run.until(lambda: run.connection.trouble)
             run.step(1.0)
             run.step(5.0)
-    gone = f"{line.path} is gone (unplugged?); opening it anew"
+    gone = f"{serial_link_stub.path} is gone (unplugged?); opening it anew"
     assert [record.message for record in caplog.records] == [missing, gone, missing, gone, missing]
 
 
-def test_what_was_heard_before_it_broke_does_not_tell_that_it_works_again(line: Line) -> None:
-    line.plug()
-    with running_serial(line) as run:
+def test_what_was_received_before_it_broke_does_not_tell_that_it_works_again(serial_link_stub: LinkStub) -> None:
+    serial_link_stub.plug()
+    with running_serial(serial_link_stub) as run:
         run.until(lambda: run.connections_count == 1)
         heard_s = run.now_s + 0.5
         run.now_s += 1.0
-        line.unplug()
+        serial_link_stub.unplug()
         run.until(lambda: run.connection.trouble)
         trouble = run.connection.trouble
         run.connection.on_received(heard_s)  # the last message, which the caller notes only now
         assert run.connection.trouble == trouble
 
 
-def test_a_line_that_is_unplugged_while_it_is_opened_is_told(line: Line, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_row_that_is_unplugged_while_it_is_opened_is_reported(
+    serial_link_stub: LinkStub, monkeypatch: pytest.MonkeyPatch
+) -> None:
     def gone(*_: Any) -> Any:
         raise termios.error(errno.EIO, os.strerror(errno.EIO))
 
-    line.plug()
-    with running_serial(line) as run:
+    serial_link_stub.plug()
+    with running_serial(serial_link_stub) as run:
         with monkeypatch.context() as patch:
             patch.setattr(termios, "tcflush", gone)
             run.until(lambda: run.connection.trouble.endswith("Input/output error; trying again"))
         run.until(lambda: run.connections_count == 1, passed_s=0.5)
-    line.unplug()
+    serial_link_stub.unplug()
 
 
-def test_a_line_that_another_program_uses_is_told(line: Line) -> None:
-    line.plug()
-    other = os.open(line.path, os.O_RDWR | os.O_NOCTTY)
+def test_a_row_that_another_program_uses_is_reported(serial_link_stub: LinkStub) -> None:
+    serial_link_stub.plug()
+    other = os.open(serial_link_stub.path, os.O_RDWR | os.O_NOCTTY)
     fcntl.flock(other, fcntl.LOCK_EX)
-    with running_serial(line) as run:
+    with running_serial(serial_link_stub) as run:
         run.step()
-        assert run.connection.trouble == f"cannot open {line.path}: another program uses it; trying again"
+        assert run.connection.trouble == f"cannot open {serial_link_stub.path}: another program uses it; trying again"
         os.close(other)
         run.until(lambda: run.connections_count, passed_s=1.0)
-    line.unplug()
+    serial_link_stub.unplug()
 
 
-def test_a_line_that_nobody_reads_holds_nothing_up_and_sends_whole_frames(line: Line) -> None:
-    line.plug()
+def test_a_row_that_nobody_reads_holds_nothing_up_and_sends_whole_frames(serial_link_stub: LinkStub) -> None:
+    serial_link_stub.plug()
     frame = b"0123456789" * 5
-    with running_serial(line) as run:
+    with running_serial(serial_link_stub) as run:
         run.step()
         taken = sum(run.connection.send(frame) for _ in range(5000))
         assert 0 < taken < 5000
-        os.set_blocking(line.device, False)
+        os.set_blocking(serial_link_stub.device, False)
         got = b""
         for _ in range(200):
             with contextlib.suppress(BlockingIOError):
-                got += os.read(line.device, 65536)
+                got += os.read(serial_link_stub.device, 65536)
             run.connection.send(b"")
         assert got == frame * taken
-    line.unplug()
+    serial_link_stub.unplug()
 
 
-def test_what_cannot_be_opened_as_a_line_is_told(tmp_path: Path) -> None:
+def test_what_cannot_be_opened_as_a_row_is_reported(tmp_path: Path) -> None:
     path = tmp_path / "file"
     path.write_bytes(b"")
     connection = LinkConnection(make_link(SerialEndpoint(str(path), 57600)), "serial")

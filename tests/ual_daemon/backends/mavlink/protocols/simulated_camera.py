@@ -78,7 +78,7 @@ class SimulatedCamera:
         params = tuple(getattr(message, f"param{i}") for i in range(1, 8))
         if not self.is_there or message.command in self.ignored:
             return
-        asked = self._asked(message.command, params)
+        asked = self._requested(message.command, params)
         if asked is not None:
             is_known = asked[0] not in self.lacks and self.answer(*asked)
             self._ack(message.command, ACCEPTED if is_known else mavlink.MAV_RESULT_UNSUPPORTED)
@@ -90,7 +90,7 @@ class SimulatedCamera:
         if self.answers_twice:
             self._ack(message.command, self.result)
 
-    def _asked(self, command: int, params: tuple[float, ...]) -> tuple[int, float] | None:
+    def _requested(self, command: int, params: tuple[float, ...]) -> tuple[int, float] | None:
         """Returns the requested message, and its parameter: by the command for all, or by those for one each."""
         if command == mavlink.MAV_CMD_REQUEST_MESSAGE:
             return (-1 if self.is_old else round(params[0])), params[1]

@@ -92,7 +92,7 @@ class SimulatedManager:
             )
         )
 
-    def looks(self, roll_deg: float, pitch_deg: float, yaw_deg: float, flags: int) -> None:
+    def pointing(self, roll_deg: float, pitch_deg: float, yaw_deg: float, flags: int) -> None:
         """Looks somewhere, as MAVLink means angles and flags."""
         q = Quaternion.from_euler(*map(math.radians, (roll_deg, pitch_deg, yaw_deg)))
         self.q, self.flags = (q.w, q.x, q.y, q.z), flags

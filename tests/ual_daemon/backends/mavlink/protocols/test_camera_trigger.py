@@ -82,7 +82,7 @@ def test_a_report_that_comes_before_the_answer_counts(bench: Bench) -> None:
     assert bench.answers[0].cancelled()
 
 
-def test_a_refusal_is_told_and_silence_is_not_waited_for_without_end(bench: Bench) -> None:
+def test_a_refusal_is_reported_and_silence_is_not_waited_for_without_end(bench: Bench) -> None:
     refused, silent, late = (bench.camera.take_photo() for _ in range(3))
     bench.answers[0].set_exception(RejectedByAutopilotError("no camera"))
     assert isinstance(refused.exception(0), RejectedByAutopilotError)
@@ -122,7 +122,7 @@ def test_by_distance_the_autopilot_counts(bench: Bench) -> None:
     assert not bench.camera.status().result(0).is_taking_photos
 
 
-def test_what_it_cannot_do_is_said(bench: Bench) -> None:
+def test_what_it_cannot_do_is_reported(bench: Bench) -> None:
     assert bench.camera.info.abilities == {CameraAbility.PHOTO}
     with pytest.raises(NotSupportedError, match="takes no pictures by time"):
         bench.camera.start_interval(1.0, 0).result(0)

@@ -40,7 +40,7 @@ def test_a_camera_is_found_by_its_heartbeat_and_says_what_it_is() -> None:
     assert (info.width_px, info.height_px) == (6000, 4000)
 
 
-def test_one_that_does_not_say_what_it_is_can_do_nothing_and_is_asked_less_and_less() -> None:
+def test_one_that_does_not_say_what_it_is_can_do_nothing_and_is_queried_less_and_less() -> None:
     bench = Bench()
     bench.camera.ignored = {mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAV_CMD_REQUEST_CAMERA_INFORMATION}
     bench.run(60.0)
@@ -166,7 +166,7 @@ def test_a_camera_that_accepts_and_takes_none_is_not_waited_for_without_end() ->
     assert bench.now_s - begin_s < 14.0
 
 
-def test_a_picture_that_failed_is_told_and_counted() -> None:
+def test_a_picture_that_failed_is_reported_and_counted() -> None:
     bench = Bench()
     link = bench.found()
     bench.camera.capture_result = 0
@@ -186,7 +186,7 @@ def test_a_picture_whose_report_is_lost_is_found_by_the_count() -> None:
     assert (link.photos.count, link.status().missed_count) == (2, 0)
 
 
-def test_a_camera_that_vanishes_ends_what_waits_and_is_told() -> None:
+def test_a_camera_that_vanishes_ends_what_waits_and_is_reported() -> None:
     bench = Bench()
     link = bench.found()
     bench.camera.ignored = {START}
@@ -226,7 +226,7 @@ def test_a_camera_that_vanishes_ends_what_waits_and_is_told() -> None:
         ((2, math.inf, 0.0, math.inf), StorageState.READY, None, None, ""),
     ],
 )
-def test_a_storage_is_told_as_far_as_it_can_be_so(
+def test_a_storage_is_reported_as_far_as_it_can_be_so(
     storage: Any, state: StorageState | None, total_mib: float | None, free_mib: float | None, note: str
 ) -> None:
     bench = Bench()
@@ -238,7 +238,7 @@ def test_a_storage_is_told_as_far_as_it_can_be_so(
     assert bool(link.info(bench.now_s).note) is bool(note)
 
 
-def test_its_status_is_asked_for_and_what_it_lacks_is_left_out() -> None:
+def test_its_status_is_requested_and_what_it_lacks_is_left_out() -> None:
     bench = Bench()
     link = bench.found()
     for command, params in (
@@ -257,7 +257,7 @@ def test_its_status_is_asked_for_and_what_it_lacks_is_left_out() -> None:
         bench.ended(link.read_status).result()
 
 
-def test_an_older_camera_is_asked_by_the_commands_that_it_knows() -> None:
+def test_an_older_camera_is_queried_by_the_commands_that_it_knows() -> None:
     bench = Bench()
     bench.camera.is_old = True
     link = bench.found()
@@ -268,7 +268,7 @@ def test_an_older_camera_is_asked_by_the_commands_that_it_knows() -> None:
     assert bench.ended(link.shoot).result().number == 1
 
 
-def test_the_charge_of_its_battery_is_told_where_it_says_it() -> None:
+def test_the_charge_of_its_battery_is_reported_where_it_says_it() -> None:
     bench = Bench()
     link = bench.found()
 
@@ -309,7 +309,7 @@ def test_streams_are_listed_also_where_messages_are_lost() -> None:
         ]
 
 
-def test_by_distance_each_is_ordered_at_its_place_and_one_that_fails_is_counted() -> None:
+def test_by_distance_each_is_ordered_at_its_position_and_one_that_fails_is_counted() -> None:
     bench = Bench()
     link = bench.found()
     link.start_distance(2.0)
@@ -482,7 +482,7 @@ def test_one_message_finds_no_camera_and_changes_none() -> None:
     assert bench.cameras.found == (link,)
 
 
-def test_a_camera_that_becomes_another_one_is_told_on_the_ground() -> None:
+def test_a_camera_that_becomes_another_one_is_reported_on_the_ground() -> None:
     bench = Bench()
     link = bench.found()
     bench.may_be_flying = True

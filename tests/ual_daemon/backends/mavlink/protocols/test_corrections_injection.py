@@ -171,7 +171,7 @@ def test_the_age_is_that_of_the_last_whole_message(bench: Bench) -> None:
     assert bench.injection.status(bench.now_s + 2.0).baseline_m is None
 
 
-def test_the_base_line_is_asked_for_while_corrections_are_sent_and_believed_while_it_is_new() -> None:
+def test_the_baseline_is_requested_while_corrections_are_sent_and_believed_while_it_is_new() -> None:
     bench = Bench(ArduCopter())
     bench.tick(100)
     assert bench.others == []
@@ -186,7 +186,7 @@ def test_the_base_line_is_asked_for_while_corrections_are_sent_and_believed_whil
     assert bench.injection.status(bench.now_s + FRESH_S + 0.1).baseline_m is None
 
 
-def test_a_px4_is_not_asked_for_what_it_does_not_have(bench: Bench) -> None:
+def test_a_px4_is_not_requested_what_it_does_not_have(bench: Bench) -> None:
     bench.injection.give(message(100))
     bench.tick(3)
     assert bench.others == []

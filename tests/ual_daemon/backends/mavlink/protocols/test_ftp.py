@@ -69,7 +69,7 @@ def test_a_file_is_read_whole(served: Served, size: int) -> None:
     assert not served.store.is_open
 
 
-def test_a_file_whose_size_is_not_told_is_read_to_its_end(served: Served) -> None:
+def test_a_file_whose_size_is_not_reported_is_read_to_its_end(served: Served) -> None:
     for size in (10, 20 * BLOCK, 20 * BLOCK + 5, 500 * BLOCK, 600 * BLOCK):
         served.store.files = {"@PARAM/param.pck": content(size)}
         assert served.done(served.ftp.read_all("@PARAM/param.pck", 1_000_000)) == content(size)
@@ -108,7 +108,7 @@ def test_armed_it_is_read_gently_and_never_by_bursts(served: Served) -> None:
     assert most * BLOCK < GENTLE_BYTES_S * 0.2
 
 
-def test_arming_ends_a_burst_that_is_under_way() -> None:
+def test_arming_ends_a_burst_that_is_in_progress() -> None:
     served = Served()
     served.store.per_step = 1
     served.store.files = {LOG: content(2_000_000)}
@@ -124,7 +124,7 @@ def test_arming_ends_a_burst_that_is_under_way() -> None:
     assert opcodes(served).count(Opcode.BURST_READ_FILE) == 2  # the second one is what ends the first
 
 
-def test_no_more_blocks_are_asked_for_at_once_than_an_autopilot_queues() -> None:
+def test_no_more_blocks_are_requested_at_once_than_an_autopilot_queues() -> None:
     served = Served(is_px4=False)
     served.is_armed = True
     served.store.files = {LOG: content(50_000)}
@@ -197,7 +197,7 @@ def test_a_file_that_ends_before_its_size_gives_what_is_there(served: Served) ->
     assert served.done(served.ftp.read(LOG, 0, 50_000)) == content(50_000)[:20_000]
 
 
-def test_silence_ends_what_is_asked_for(served: Served) -> None:
+def test_silence_ends_what_is_requested(served: Served) -> None:
     served.store.has_ftp = False
     with pytest.raises(UalTimeoutError, match=f"not answered in {TRIES_COUNT} tries"):
         served.done(served.ftp.list_directory("/log"), 30.0)
@@ -217,7 +217,7 @@ def test_silence_in_a_file_ends_its_reading(served: Served) -> None:
     assert isinstance(error_of(future), UalTimeoutError)
 
 
-def test_the_errno_of_a_refusal_is_told_in_words() -> None:
+def test_the_errno_of_a_refusal_is_reported_in_words() -> None:
     packet = FtpPacket(0, 0, Opcode.NAK, 2, Opcode.OPEN_FILE_RO, data=bytes((Nak.FAIL_ERRNO, errno.EIO)))
     assert "EIO" in FtpNakError("/a", packet).message
     unknown = FtpPacket(0, 0, Opcode.NAK, 1, Opcode.OPEN_FILE_RO, data=b"\x63")
@@ -225,7 +225,7 @@ def test_the_errno_of_a_refusal_is_told_in_words() -> None:
     assert isinstance(FtpNakError("/a", unknown), RejectedByAutopilotError)
 
 
-def test_a_boot_ends_what_is_under_way_and_forgets_the_file(served: Served) -> None:
+def test_a_boot_ends_what_is_in_progress_and_forgets_the_file(served: Served) -> None:
     served.store.files = {LOG: content(100_000)}
     future: Future[bytes] = Future()
     served.ftp.run(future, served.ftp.read(LOG, 0, 100_000))
@@ -237,7 +237,7 @@ def test_a_boot_ends_what_is_under_way_and_forgets_the_file(served: Served) -> N
     served.ftp.attach(MessageSource(2, 1), Px4())
 
 
-def test_what_is_given_up_lets_the_next_one_begin(served: Served) -> None:
+def test_what_is_abandoned_lets_the_next_one_begin(served: Served) -> None:
     served.store.files = {LOG: content(1_000_000), "/b": b"b"}
     future: Future[bytes] = Future()
     served.ftp.run(future, served.ftp.read(LOG, 0, 1_000_000))

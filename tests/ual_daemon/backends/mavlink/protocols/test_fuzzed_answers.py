@@ -235,12 +235,12 @@ def test_whatever_is_answered_no_list_is_believed_that_did_not_come(kind: str) -
             assert not missing, (what, missing)
         believed_count += len(reach.believed)
         reach.believed.clear()
-        _can_be_told(results)
+        _can_be_reported(results)
         missions.report()
     assert believed_count > 3
 
 
-def _can_be_told(results: list[Any]) -> None:
+def _can_be_reported(results: list[Any]) -> None:
     """Checks that believed values can be sent to a client."""
     for each in results:
         if hasattr(each, "digest"):
@@ -274,7 +274,7 @@ class FuzzedCamera(Bench):
 
 
 @pytest.mark.parametrize("seed", [1, 2])
-def test_whatever_a_camera_answers_each_order_ends_and_what_it_tells_can_be_told(seed: int) -> None:
+def test_whatever_a_camera_answers_each_order_ends_and_what_it_tells_can_be_reported(seed: int) -> None:
     bench = FuzzedCamera(seed)
     link = bench.found()
     kinds: tuple[Callable[[Future[Any]], object], ...] = (
@@ -295,14 +295,14 @@ def test_whatever_a_camera_answers_each_order_ends_and_what_it_tells_can_be_told
             error = each.exception()
             assert error is None or isinstance(error, UalError), error
             if error is None:
-                _camera_can_be_told(each.result())
+                _camera_can_be_reported(each.result())
         wire_camera.camera_info_to_proto(link.info(bench.now_s))
         wire_camera.camera_status_to_proto(link.status())
         assert link.photos.count <= bench.arrived_count + len(bench.camera.taken_ms)
         bench.run(STEP_S)
 
 
-def _camera_can_be_told(result: Any) -> None:
+def _camera_can_be_reported(result: Any) -> None:
     if isinstance(result, CameraStatus):
         wire_camera.camera_status_to_proto(result)
     elif isinstance(result, list):

@@ -68,14 +68,14 @@ def test_it_is_found_on_a_link_that_loses_every_third_message() -> None:
         Bench(loss=0.3, seed=seed).found()
 
 
-def test_a_px4_that_says_that_it_manages_none_is_not_asked() -> None:
+def test_a_px4_that_says_that_it_manages_none_is_not_queried() -> None:
     bench = Bench(AUTOPILOT, Px4())
     bench.gimbals._means = bench.gimbals._means._replace(says_manager=lambda: False)
     bench.step(40.0)
     assert bench.requests == []
 
 
-def test_one_that_has_none_is_asked_three_times() -> None:
+def test_one_that_has_none_is_queried_three_times() -> None:
     bench = Bench(AUTOPILOT)
     bench.manager.is_there = False
     bench.step(60.0)
@@ -135,7 +135,7 @@ def test_its_flags_say_from_what_its_yaw_counts(
 ) -> None:
     """It looks 30 degrees down, and 20 degrees to the right of the nose or of north."""
     bench = Bench()
-    bench.manager.looks(0.0, -30.0, 20.0, flags)
+    bench.manager.pointing(0.0, -30.0, 20.0, flags)
     link = bench.found()
     attitude = link.attitude_at(bench.now_s)
     assert attitude is not None
@@ -148,7 +148,7 @@ def test_px4_says_the_angles_of_servos_that_it_steadies_itself(kind: float, refe
     """MNT_DO_STAB: 0 passes on what was ordered, 1 takes the lean off all axes, 2 the heading off yaw."""
     bench = Bench(AUTOPILOT, Px4())
     bench.manager.kind = kind
-    bench.manager.looks(0.0, -30.0, 20.0, LOCKED)
+    bench.manager.pointing(0.0, -30.0, 20.0, LOCKED)
     attitude = bench.found().attitude
     assert attitude is not None
     assert attitude.reference is reference
@@ -164,7 +164,7 @@ def test_ardupilot_says_the_angles_of_servos_that_it_steadies_itself(kind: float
     assert attitude.reference is reference
 
 
-def test_where_it_looks_is_not_told_while_its_kind_is_not_known() -> None:
+def test_where_it_points_is_not_reported_while_its_kind_is_not_known() -> None:
     bench = Bench(AUTOPILOT, ArduCopter())
     bench.manager.kind = None
     bench.step(20.0)
@@ -176,7 +176,7 @@ def test_where_it_looks_is_not_told_while_its_kind_is_not_known() -> None:
     assert link.attitude is not None
 
 
-def test_where_it_looks_is_forgotten_when_it_does_not_say_it_and_asked_for() -> None:
+def test_where_it_points_is_forgotten_when_it_does_not_say_it_and_requested() -> None:
     bench = Bench()
     link = bench.found()
     bench.manager.streamed.clear()
@@ -186,7 +186,7 @@ def test_where_it_looks_is_forgotten_when_it_does_not_say_it_and_asked_for() -> 
     assert link.attitude_at(bench.now_s) is not None
 
 
-def test_one_that_never_says_it_is_asked_ever_less() -> None:
+def test_one_that_never_says_it_is_queried_ever_less() -> None:
     bench = Bench(AUTOPILOT)
     bench.found()
     bench.manager.is_there = False
@@ -197,7 +197,7 @@ def test_one_that_never_says_it_is_asked_ever_less() -> None:
 
 
 @pytest.mark.parametrize("q", [(0.0, 0.0, 0.0, 0.0), (math.nan, 0.0, 0.0, 0.0), (9.0, 0.0, 0.0, 0.0)])
-def test_an_orientation_that_cannot_be_is_not_told(q: tuple[float, float, float, float]) -> None:
+def test_an_orientation_that_cannot_be_is_not_reported(q: tuple[float, float, float, float]) -> None:
     bench = Bench()
     link = bench.found()
     bench.manager.q = q
@@ -206,7 +206,7 @@ def test_an_orientation_that_cannot_be_is_not_told(q: tuple[float, float, float,
     assert link.info(bench.now_s).note == "it says an orientation that cannot be"
 
 
-def test_its_failures_are_told() -> None:
+def test_its_failures_are_reported() -> None:
     bench = Bench()
     link = bench.found()
     bench.manager.failures = (
@@ -224,7 +224,7 @@ def test_its_failures_are_told() -> None:
         ((math.nan, 1.0), "pitch -1 to nan rad"),
     ],
 )
-def test_limits_that_cannot_be_are_not_used_and_that_is_said(pitch: tuple[float, float], words: str) -> None:
+def test_limits_that_cannot_be_are_not_used_and_that_is_reported(pitch: tuple[float, float], words: str) -> None:
     bench = Bench()
     bench.manager.limits = (0.0, 0.0, *pitch, -1.0, 2.0)
     info = bench.found().info(bench.now_s)
@@ -288,7 +288,9 @@ def test_a_roll_is_sent_once_the_other_angles_were_accepted() -> None:
     yaw=st.floats(-3.0, 3.0),
     reference=st.sampled_from([HORIZON, EARTH]),
 )
-def test_what_is_aimed_at_is_what_is_seen(roll: float, pitch: float, yaw: float, reference: GimbalReference) -> None:
+def test_what_is_aimed_at_is_what_is_observed(
+    roll: float, pitch: float, yaw: float, reference: GimbalReference
+) -> None:
     """A device that does as it is told says the angles that it was told."""
     angles = GimbalAngles(roll, pitch, yaw)
     aim = gimbal_values.aiming(OWN, angles, reference, 1)
@@ -330,7 +332,7 @@ def test_a_late_answer_to_an_order_that_was_repeated_answers_no_other_one() -> N
         bench.ended(lambda future: link.turn(DOWN, HORIZON, future))
 
 
-def test_one_that_is_busy_without_an_end_is_given_up() -> None:
+def test_one_that_is_busy_without_an_end_is_abandoned() -> None:
     bench = Bench()
     link = bench.found()
     bench.manager.result = BUSY
@@ -382,7 +384,7 @@ def test_orders_that_replace_one_another_leave_at_once() -> None:
 # --- Control ----------------------------------------------------------------------------------------------------------
 
 
-def test_its_control_is_taken_by_our_ids_and_given_up() -> None:
+def test_its_control_is_taken_by_our_ids_and_abandoned() -> None:
     """PX4 takes -2, which means the sender, for itself."""
     bench = Bench()
     link = bench.found()
@@ -433,7 +435,7 @@ def test_a_daemon_that_ends_leaves_the_control_that_it_never_took() -> None:
 # --- Vanishing --------------------------------------------------------------------------------------------------------
 
 
-def test_one_that_vanishes_is_told_and_not_waited_for() -> None:
+def test_one_that_vanishes_is_reported_and_not_waited_for() -> None:
     bench = Bench()
     link = bench.found()
     bench.manager.is_there = False
@@ -443,7 +445,7 @@ def test_one_that_vanishes_is_told_and_not_waited_for() -> None:
     assert link.attitude_at(bench.now_s) is None
 
 
-def test_one_that_comes_back_has_its_number_and_is_asked_anew() -> None:
+def test_one_that_comes_back_has_its_number_and_is_requested_anew() -> None:
     bench = Bench()
     link = bench.found()
     bench.manager.is_there = False
@@ -488,7 +490,7 @@ def test_one_that_comes_back_has_forgotten_its_controller() -> None:
     assert link.control[0] is GimbalControl.FREE
 
 
-def test_what_is_under_way_ends_with_the_daemon() -> None:
+def test_what_is_in_progress_ends_with_the_daemon() -> None:
     bench = Bench()
     link = bench.found()
     bench.manager.ignored = {TURN}

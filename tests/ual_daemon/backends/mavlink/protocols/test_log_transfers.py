@@ -123,7 +123,7 @@ def test_armed_it_is_read_gently() -> None:
     assert 10_000.0 < 100_000 / (served.now_s - began_s) < GENTLE_BYTES_S * 1.1
 
 
-def test_the_autopilot_is_told_when_no_more_is_wanted(served: Served) -> None:
+def test_the_autopilot_is_reported_when_no_more_is_wanted(served: Served) -> None:
     [log] = listed(with_logs(served, 1000))
     read(served, log.id, 0, 1000)
     served.run(IDLE_S + 0.5)
@@ -133,7 +133,7 @@ def test_the_autopilot_is_told_when_no_more_is_wanted(served: Served) -> None:
 
 
 @pytest.mark.parametrize("is_read", [False, True])
-def test_a_daemon_that_ends_tells_that_no_more_is_wanted_once(served: Served, is_read: bool) -> None:
+def test_a_daemon_that_ends_reports_that_no_more_is_wanted_once(served: Served, is_read: bool) -> None:
     with_logs(served, 500_000)
     first = listed(served)[0].id
     if is_read:
@@ -149,7 +149,7 @@ def test_a_daemon_that_ends_tells_that_no_more_is_wanted_once(served: Served, is
     assert kinds(served)[-1] == "LOG_REQUEST_END"
 
 
-def test_silence_and_a_boot_end_what_is_asked_for(served: Served) -> None:
+def test_silence_and_a_boot_end_what_is_requested(served: Served) -> None:
     with_logs(served, 100_000)
     [log] = listed(served)
     served.spoil = lambda _: None

@@ -207,7 +207,7 @@ def test_another_number_of_items_begins_anew(bench: Bench) -> None:
     assert len(future.result(0).items) == 2
 
 
-def test_silence_ends_it_and_in_the_middle_the_list_is_asked_for_anew(bench: Bench) -> None:
+def test_silence_ends_it_and_in_the_middle_the_list_is_requested_anew(bench: Bench) -> None:
     future = bench.download()
     bench.tick(30)
     assert isinstance(error_of(future), UalTimeoutError)
@@ -220,14 +220,14 @@ def test_silence_ends_it_and_in_the_middle_the_list_is_asked_for_anew(bench: Ben
     assert sent[:8] == ["list", 0, 0, 0, 0, 0, 0, "list"]
 
 
-def test_silence_of_a_lost_link_is_told_as_such(bench: Bench) -> None:
+def test_silence_of_a_lost_link_is_reported_as_such(bench: Bench) -> None:
     future = bench.download()
     bench.is_up = False
     bench.tick(30)
     assert isinstance(error_of(future), LinkLostError)
 
 
-def test_a_refusal_that_may_pass_is_waited_for_and_then_told(bench: Bench) -> None:
+def test_a_refusal_that_may_pass_is_waited_for_and_then_reported(bench: Bench) -> None:
     future = bench.download()
     for pause_s in (FIRST_PAUSE_S, 2.0 * FIRST_PAUSE_S, 4.0 * FIRST_PAUSE_S, PAUSE_S):
         bench.take(ack(DENIED))
@@ -262,7 +262,7 @@ def test_too_many_items_are_not_read(bench: Bench) -> None:
 # --- Upload -----------------------------------------------------------------------------------------------------------
 
 
-def test_an_upload_is_asked_for_item_by_item_and_read_back(bench: Bench) -> None:
+def test_an_upload_is_requested_item_by_item_and_read_back(bench: Bench) -> None:
     future = bench.replace(circles(2))
     bench.take(request(0), request(1, is_float=True), ack(0))
     assert bench.requests() == ["count 2", "item 0", "item 1"]
@@ -288,7 +288,7 @@ def test_what_is_lost_of_an_upload_is_sent_again(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize("result", range(1, 16))
-def test_each_refusal_is_told_in_words_with_the_item(bench: Bench, result: int) -> None:
+def test_each_refusal_is_reported_in_words_with_the_item(bench: Bench, result: int) -> None:
     future = bench.replace(circles(3))
     bench.take(request(0), request(1))
     for _ in range(1500):
@@ -306,7 +306,7 @@ def test_each_refusal_is_told_in_words_with_the_item(bench: Bench, result: int) 
         assert refusal_text(result) in error.message
 
 
-def test_a_number_that_is_no_result_is_told() -> None:
+def test_a_number_that_is_no_result_is_reported() -> None:
     assert "result 99" in refusal_text(99)
 
 
@@ -341,7 +341,7 @@ def test_what_is_read_back_otherwise_is_sent_again_and_then_an_error(bench: Benc
     assert bench.requests().count("count 2") == WRITES_COUNT
 
 
-def test_an_upload_that_may_not_be_any_more_is_ended_and_said_to_be_in_part(bench: Bench) -> None:
+def test_an_upload_that_may_not_be_any_more_is_ended_and_reported_to_be_in_part(bench: Bench) -> None:
     bench.refusal = ARMED
     assert error_of(bench.replace(circles(2))) is ARMED
     assert bench.requests() == []
@@ -443,7 +443,7 @@ def test_a_boot_or_another_autopilot_ends_everything(bench: Bench) -> None:
         bench.requests()
 
 
-def test_an_autopilot_that_is_only_watched_is_not_asked(bench: Bench) -> None:
+def test_an_autopilot_that_is_only_watched_is_not_queried(bench: Bench) -> None:
     bench.transfers.attach(MessageSource(8, 1), Unknown(0))
     assert isinstance(error_of(bench.download()), NotSupportedError)
     assert isinstance(error_of(bench.replace([])), NotSupportedError)
@@ -567,7 +567,7 @@ def test_another_stations_upload_is_waited_for(kind: str) -> None:
     assert differs(circles(3), link.store.lists[FENCE]) == ""
 
 
-def test_a_download_that_is_given_up_at_once_holds_px4_up_for_no_other() -> None:
+def test_a_download_that_is_abandoned_at_once_holds_px4_up_for_no_other() -> None:
     link = BadLink(store("px4"), 1, loss=0.0)
     given_up: Future[MissionList] = Future()
     link.transfers.download(MissionType.FENCE, given_up)
@@ -607,7 +607,9 @@ def test_px4s_checksums_are_kept() -> None:
         ("ardupilot", [MissionItem(0, 5001, 4.0)] * 3, "ERROR"),
     ],
 )
-def test_what_each_firmware_refuses_is_told_and_the_list_stays(kind: str, items: list[MissionItem], name: str) -> None:
+def test_what_each_firmware_refuses_is_reported_and_the_list_stays(
+    kind: str, items: list[MissionItem], name: str
+) -> None:
     link = BadLink(store(kind), 1, loss=0.0)
     link.store.keep(FENCE, circles(3, 9.0))
     future: Future[MissionList] = Future()

@@ -25,7 +25,7 @@ STEP_S = 0.005
 VALUE_BYTES, LATENCY_S = 37, 0.02
 
 
-class Line:
+class LinkStub:
     """An autopilot at the other end of a serial line. It answers at once, and the line carries so much."""
 
     def __init__(self, loss: float) -> None:
@@ -73,7 +73,7 @@ class Line:
 
 @pytest.mark.parametrize(("loss", "limit_s"), [(0.0, 1.0), (0.2, 15.0)])
 def test_1000_parameters_at_921600_baud(loss: float, limit_s: float) -> None:
-    line = Line(loss)
+    line = LinkStub(loss)
     took_s = line.listed_s()
     assert took_s < limit_s
     assert line.carried_bytes / took_s < BYTES_S

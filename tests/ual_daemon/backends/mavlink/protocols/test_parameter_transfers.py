@@ -125,7 +125,7 @@ def test_one_is_read_by_name_and_others_are_not_taken_for_it(bench: Bench) -> No
     assert bench.requests() == []
 
 
-def test_what_was_heard_before_the_request_is_no_answer(bench: Bench) -> None:
+def test_what_was_received_before_the_request_is_no_answer(bench: Bench) -> None:
     future: Future[Parameter] = Future()
     bench.transfers.read("X", future)
     bench.value("X", 1.0)
@@ -142,7 +142,7 @@ def test_a_lost_request_is_repeated_and_its_silence_ends(bench: Bench) -> None:
     assert "no parameter of this name" in error.message
 
 
-def test_silence_of_a_lost_link_is_told_as_such(bench: Bench) -> None:
+def test_silence_of_a_lost_link_is_reported_as_such(bench: Bench) -> None:
     future = bench.read()
     bench.is_up = False
     bench.tick(TRIES_COUNT)
@@ -307,7 +307,7 @@ def test_one_that_comes_of_its_own_accord_is_none_of_the_list(bench: Bench) -> N
     assert not future.done()
 
 
-def test_what_is_not_known_is_told_and_not_listed(bench: Bench, caplog: pytest.LogCaptureFixture) -> None:
+def test_what_is_not_known_is_reported_and_not_listed(bench: Bench, caplog: pytest.LogCaptureFixture) -> None:
     future = bench.read_all()
     bench.value("A", 1.0, 0, 2)
     bench.value("B", 1.0, 1, 2, kind=10)
@@ -394,7 +394,7 @@ def test_another_autopilot_or_another_boot_ends_everything(bench: Bench) -> None
         assert all(isinstance(error_of(each), LinkLostError) for each in futures)
 
 
-def test_an_autopilot_that_is_only_watched_is_not_asked() -> None:
+def test_an_autopilot_that_is_only_watched_is_not_queried() -> None:
     bench = Bench(Unknown(0))
     for future in (bench.read(), bench.write(), bench.read_all()):
         assert isinstance(error_of(future), NotSupportedError)
@@ -452,7 +452,7 @@ def test_a_refusal_for_another_ground_station_is_none_for_us(harness: Harness) -
     assert isinstance(error_of(future), InvalidArgumentError)
 
 
-def test_a_boot_ends_what_is_under_way(harness: Harness) -> None:
+def test_a_boot_ends_what_is_in_progress(harness: Harness) -> None:
     harness.now_s = 60.0
     harness.receive(heartbeat(), position(60.0))
     future = begin(harness)
@@ -463,7 +463,7 @@ def test_a_boot_ends_what_is_under_way(harness: Harness) -> None:
     assert "has booted" in str(future.exception())
 
 
-def test_the_end_of_the_daemon_ends_what_is_under_way(harness: Harness) -> None:
+def test_the_end_of_the_daemon_ends_what_is_in_progress(harness: Harness) -> None:
     future = begin(harness)
     harness.discovery.release()
     assert isinstance(error_of(future), LinkLostError)

@@ -25,7 +25,7 @@ def test_a_reboot_is_believed_at_the_third_message_after_the_silence_of_booting(
     assert boot.boot_s == 2.04
 
 
-def test_a_reboot_without_a_silence_is_believed_once_the_old_boot_is_not_heard_any_more() -> None:
+def test_a_reboot_without_a_silence_is_believed_once_the_old_boot_is_not_received_any_more() -> None:
     boot = BootTime()
     run(boot, 100.0, 0.0, 1.0)
     believed_s = next(step / 50.0 for step in range(100) if boot.update(3.0 + step / 50.0, 1.0 + step / 50.0))

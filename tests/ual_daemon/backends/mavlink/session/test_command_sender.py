@@ -79,7 +79,7 @@ def test_an_acknowledgement_of_the_one_before_does_not_end_a_command_that_was_lo
     holding = harness.submit(PX4.hold())  # is lost on its way
     harness.commands(SET_MODE)
     harness.receive(ack(SET_MODE, ACCEPTED), ack(SET_MODE, ACCEPTED))  # copies
-    _run_heard(harness, RESEND_S + 0.1, SOMETHING)
+    _run_received(harness, RESEND_S + 0.1, SOMETHING)
     assert not holding.done()
     assert len(harness.commands(SET_MODE)) == 1
     harness.receive(heartbeat(4 << 16 | 3 << 24, armed=True))
@@ -110,7 +110,7 @@ def test_disarming_is_never_forced() -> None:
 def test_an_unanswered_command_is_sent_again_counting_and_then_left_open() -> None:
     harness = Harness()
     future = harness.submit(PX4.arm(Snapshot(0.0)))
-    _run_heard(harness, 10.0, heartbeat())
+    _run_received(harness, 10.0, heartbeat())
     assert [sent.confirmation for sent in harness.commands(ARM)] == list(range(SENDS_COUNT))
     assert not future.done()
 
@@ -123,7 +123,7 @@ def test_a_command_gets_through_a_link_that_loses_and_damages_messages_while_its
     assert RESEND_S > 0.2  # slower than the answer comes by a radio with its jitter
 
 
-def test_what_is_only_asked_for_gives_way_to_the_next_such_request_sooner() -> None:
+def test_what_is_only_requested_yields_to_the_next_such_request_sooner() -> None:
     harness = Harness()
     harness.submit(request_message(49))
     harness.submit(request_message(242))
@@ -139,12 +139,12 @@ def test_what_is_only_asked_for_gives_way_to_the_next_such_request_sooner() -> N
 def test_the_effect_of_a_command_ends_it_without_any_acknowledgement() -> None:
     harness = Harness()
     future = harness.submit(PX4.arm(Snapshot(0.0)))
-    _run_heard(harness, 0.6, heartbeat())
+    _run_received(harness, 0.6, heartbeat())
     assert len(harness.commands(ARM)) == 3
     harness.receive(heartbeat(armed=True))
     harness.run(0.05)
     assert future.result(0) is None
-    _run_heard(harness, 5.0, heartbeat())
+    _run_received(harness, 5.0, heartbeat())
     assert harness.commands(ARM) == []
 
 
@@ -160,7 +160,7 @@ def test_what_was_so_before_the_command_is_not_its_effect() -> None:
 def test_the_refusal_of_a_repetition_does_not_count_where_the_first_was_obeyed(is_before: bool) -> None:
     harness = Harness()
     future = harness.submit(PX4.disarm())
-    _run_heard(harness, 0.3, heartbeat(armed=True))
+    _run_received(harness, 0.3, heartbeat(armed=True))
     assert len(harness.commands(ARM)) == 2
     if is_before:
         harness.receive(heartbeat(armed=False), ack(ARM, REJECTED))
@@ -177,7 +177,7 @@ def test_the_refusal_of_a_repetition_counts_where_no_effect_follows() -> None:
     harness = Harness()
     harness.receive(heartbeat(armed=False))
     future = harness.submit(PX4.arm(Snapshot(0.0)))
-    _run_heard(harness, 0.3, heartbeat())
+    _run_received(harness, 0.3, heartbeat())
     harness.receive(ack(ARM, REJECTED))
     harness.run(EFFECT_S + 0.1)
     assert "TEMPORARILY_REJECTED" in str(future.exception(0))
@@ -190,7 +190,7 @@ def test_while_an_answer_is_late_the_vehicle_is_looked_at_often() -> None:
     harness.submit(PX4.arm(Snapshot(0.0)))
     harness.link.sent.clear()
     harness.run(1.0)
-    assert 8 <= _heartbeats_asked(harness) <= 10
+    assert 8 <= _heartbeats_requested(harness) <= 10
 
 
 def test_a_late_acknowledgement_still_counts() -> None:
@@ -199,7 +199,7 @@ def test_a_late_acknowledgement_still_counts() -> None:
     harness.run(1.2)
     harness.receive(ack(ARM, ACCEPTED))
     harness.link.sent.clear()
-    _run_heard(harness, 3.0, heartbeat())
+    _run_received(harness, 3.0, heartbeat())
     assert future.done()
     assert harness.commands(ARM) == []
 
@@ -212,7 +212,7 @@ def test_an_acknowledgement_of_another_command_or_to_somebody_else_is_not_ours(a
     assert not future.done()
 
 
-def test_a_refusal_carries_the_result_and_what_the_autopilot_said_around_it() -> None:
+def test_a_refusal_carries_the_result_and_what_the_autopilot_reported_around_it() -> None:
     harness = Harness()
     future = harness.submit(PX4.arm(Snapshot(0.0)))
     harness.receive(mavlink.MAVLink_statustext_message(2, b"Arming denied: no battery", 0, 0))
@@ -289,7 +289,7 @@ def test_a_newer_mode_replaces_the_one_before_at_once() -> None:
     assert not holding.done()
 
 
-def test_of_one_kind_of_request_one_is_under_way_at_a_time() -> None:
+def test_of_one_kind_of_request_one_is_in_progress_at_a_time() -> None:
     harness = Harness()
     first, second = (harness.submit(request_message(message_id)) for message_id in (49, 242))
     request = mavlink.MAV_CMD_REQUEST_MESSAGE
@@ -299,7 +299,7 @@ def test_of_one_kind_of_request_one_is_under_way_at_a_time() -> None:
     assert (first.done(), second.done()) == (True, False)
 
 
-def test_a_heartbeat_is_asked_for_after_an_acknowledgement_and_after_an_event() -> None:
+def test_a_heartbeat_is_requested_after_an_acknowledgement_and_after_an_event() -> None:
     harness = Harness()
     harness.receive(*ANSWERS)
     harness.run(2.0)
@@ -307,11 +307,11 @@ def test_a_heartbeat_is_asked_for_after_an_acknowledgement_and_after_an_event() 
     harness.submit(PX4.arm(Snapshot(0.0)))
     harness.receive(ack(ARM, ACCEPTED))
     harness.run(0.05)
-    assert _heartbeats_asked(harness) == 1
+    assert _heartbeats_requested(harness) == 1
     for _ in range(5):
         harness.receive(data=EVENT)
     harness.run(0.2)
-    assert _heartbeats_asked(harness) == 1
+    assert _heartbeats_requested(harness) == 1
 
 
 @pytest.mark.parametrize("mode", [OFFBOARD, LANDING])
@@ -362,7 +362,7 @@ ANSWERS = [
 ]
 
 
-def _heartbeats_asked(harness: Harness) -> int:
+def _heartbeats_requested(harness: Harness) -> int:
     return len([sent for sent in harness.commands(mavlink.MAV_CMD_REQUEST_MESSAGE) if sent.param1 == 0.0])
 
 
@@ -370,7 +370,7 @@ def test_a_withdrawn_command_that_waits_for_setpoints_is_never_sent() -> None:
     harness = Harness()
     harness.submit(PX4.take_control()).cancel()
     harness.setpoints.sent_for_s = 1.0
-    _run_heard(harness, 10.0, heartbeat())
+    _run_received(harness, 10.0, heartbeat())
     assert harness.commands(SET_MODE) == []
 
 
@@ -402,7 +402,7 @@ def test_a_reboot_ends_what_was_sent_to_the_boot_before() -> None:
     for boot_ms in (500, 520, 540):
         harness.receive(attitude(boot_ms=boot_ms), heartbeat())
     assert harness.supervision.watch.reboots_count == 1
-    _run_heard(harness, 3.0, heartbeat())
+    _run_received(harness, 3.0, heartbeat())
     assert harness.commands(ARM) == []
 
 
@@ -417,7 +417,7 @@ def test_a_command_withdrawn_before_its_turn_is_not_sent_and_replaces_none() -> 
     assert holding.done()
 
 
-def _run_heard(harness: Harness, duration_s: float, *messages: Message) -> None:
+def _run_received(harness: Harness, duration_s: float, *messages: Message) -> None:
     """Time passes while the autopilot sends something."""
     for _ in range(round(duration_s / 0.05)):
         harness.run(0.05)
@@ -434,7 +434,7 @@ def test_what_was_armed_and_disarmed_within_one_batch_is_not_armed_again() -> No
     harness.now_s += 0.01
     harness.receive(heartbeat(armed=True), heartbeat(armed=False))
     harness.commands(ARM)
-    _run_heard(harness, 2.0, heartbeat(armed=False))
+    _run_received(harness, 2.0, heartbeat(armed=False))
     assert harness.commands(ARM) == []
     assert future.done()
 
@@ -449,10 +449,10 @@ def test_what_was_sent_is_not_sent_again_once_another_mode_was_chosen(make: Call
     harness.receive(heartbeat(IN_POSCTL, armed=True))
     command = make()
     harness.submit(command)
-    _run_heard(harness, 0.1, heartbeat(IN_POSCTL, armed=True))
+    _run_received(harness, 0.1, heartbeat(IN_POSCTL, armed=True))
     assert len(harness.commands(command.request.id)) == 1
     harness.receive(heartbeat(IN_RTL, armed=True), heartbeat(IN_POSCTL, armed=True))  # in one batch
-    _run_heard(harness, 3.0, heartbeat(IN_POSCTL, armed=True))
+    _run_received(harness, 3.0, heartbeat(IN_POSCTL, armed=True))
     assert harness.commands(command.request.id) == []
 
 
@@ -463,18 +463,18 @@ def test_what_follows_a_change_of_the_mode_is_not_sent_once_another_mode_was_cho
     climb = replace(command_of(mavlink.MAV_CMD_NAV_TAKEOFF, (), "climb", FLYING), mode="AUTO.LOITER")
     harness.submit(replace(PX4.hold(), then=climb))
     harness.receive(ack(SET_MODE, ACCEPTED), heartbeat(IN_RTL, armed=True), ack(SET_MODE, ACCEPTED))
-    _run_heard(harness, 3.0, heartbeat(IN_RTL, armed=True))
+    _run_received(harness, 3.0, heartbeat(IN_RTL, armed=True))
     assert harness.commands(climb.request.id) == []
 
 
-def test_the_mode_of_the_command_before_may_still_be_seen_first() -> None:
+def test_the_mode_of_the_command_before_may_still_be_observed_first() -> None:
     harness = Harness()
     harness.receive(heartbeat(IN_POSCTL, armed=True))
     harness.submit(PX4.hold())
     landing = harness.submit(PX4.land())
-    _run_heard(harness, 0.2, heartbeat(IN_LOITER, armed=True))
+    _run_received(harness, 0.2, heartbeat(IN_LOITER, armed=True))
     harness.commands(LAND)
-    _run_heard(harness, 0.5, heartbeat(IN_LOITER, armed=True))
+    _run_received(harness, 0.5, heartbeat(IN_LOITER, armed=True))
     assert len(harness.commands(LAND)) >= 1
     harness.receive(heartbeat(LANDING, armed=True))
     assert landing.done()

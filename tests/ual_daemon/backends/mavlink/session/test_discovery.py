@@ -14,7 +14,7 @@ from ual_daemon.backends.mavlink.wire.messages import Codec, mavlink
 from ual_daemon.backends.mavlink.wire.signing import Signer
 
 
-def test_the_first_autopilot_heard_is_the_only_one() -> None:
+def test_the_first_autopilot_received_is_the_only_one() -> None:
     harness = Harness()
     harness.receive(data=packer(7)(heartbeat()))
     harness.receive(data=packer(8)(heartbeat(armed=True)))
@@ -86,7 +86,7 @@ def test_our_heartbeat_is_an_onboard_computers_of_the_same_system_at_1_hz() -> N
 STRANGER = ("6.6.6.6", 6)
 
 
-def test_another_host_that_sends_as_our_autopilot_is_not_heard_while_our_peer_is() -> None:
+def test_another_host_that_sends_as_our_autopilot_is_not_received_while_our_peer_is() -> None:
     harness = Harness()
     harness.receive(heartbeat(), attitude())
     for _ in range(20):
@@ -149,7 +149,7 @@ GROUND_STATION = heartbeat(autopilot=mavlink.MAV_AUTOPILOT_INVALID, kind=mavlink
 BETAFLIGHT = heartbeat(autopilot=mavlink.MAV_AUTOPILOT_GENERIC)
 
 
-def heard(harness: Harness, *sent: bytes, for_s: float = 3.0) -> str:
+def received(harness: Harness, *sent: bytes, for_s: float = 3.0) -> str:
     """Sends data each second for some time. Returns what is told instead of the autopilot."""
     for _ in range(round(for_s)):
         for data in sent:
@@ -224,12 +224,12 @@ def test_an_autopilot_of_system_0_is_watched_and_nothing_is_sent_to_all_systems(
         (b"\x80\xf8\x00" * 30, "bytes that are no MAVLink (another baud rate or protocol?)"),
     ],
 )
-def test_what_is_heard_and_why_it_is_not_taken_is_told(
+def test_what_is_received_and_why_it_is_not_taken_is_reported(
     data: bytes, told: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     harness = Harness(MavlinkSettings(system_id=7))
     assert harness.discovery.why_silent(0.0) == "nothing comes to test"
-    assert heard(harness, data) == f"heard at test instead: {told}"
+    assert received(harness, data) == f"heard at test instead: {told}"
     (event,) = [record for record in caplog.records if vars(record).get("ual_event") == "no_autopilot"]
     assert vars(event)["ual_fields"]["heard"] == told
     assert harness.discovery.session is None
@@ -237,10 +237,10 @@ def test_what_is_heard_and_why_it_is_not_taken_is_told(
     assert harness.discovery.why_silent(harness.now_s) == "nothing comes to test"
 
 
-def test_an_autopilot_comes_first_of_what_is_told_and_the_rest_is_counted() -> None:
+def test_an_autopilot_comes_first_of_what_is_reported_and_the_rest_is_counted() -> None:
     harness = Harness(MavlinkSettings(system_id=7))
     sent = [packer(1, component_id)(GROUND_STATION) for component_id in range(10, 15)]
-    told = heard(harness, *sent, packer(2)(heartbeat()))
+    told = received(harness, *sent, packer(2)(heartbeat()))
     assert told.startswith("heard at test instead: px4 on a quadrotor (system 2 ")
     assert told.endswith("; and 3 more")
 
@@ -254,14 +254,14 @@ def test_a_chosen_component_is_taken_at_once_and_no_other() -> None:
     assert harness.session.source == (1, 50)
 
 
-def test_what_is_heard_after_the_autopilot_fell_silent_is_told() -> None:
+def test_what_is_received_after_the_autopilot_fell_silent_is_reported() -> None:
     """As where its id was changed, and it was booted."""
     harness = Harness()
     harness.receive(heartbeat())
     harness.receive(data=packer(4)(GROUND_STATION))
     harness.run(0.5)
     assert harness.discovery.why_silent(harness.now_s) == ""
-    told = heard(harness, packer(9)(heartbeat()))
+    told = received(harness, packer(9)(heartbeat()))
     assert told == (
         "heard at test instead: px4 on a quadrotor (system 9 at 127.0.0.1:14580): this daemon flies system 1, "
         "the first heard"

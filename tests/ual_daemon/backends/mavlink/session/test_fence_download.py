@@ -45,7 +45,7 @@ class Bench:
         self.now_s += duration_s
         self.download.tick(self.now_s, is_armed=self.is_armed)
 
-    def asked_count(self) -> int:
+    def requests_count(self) -> int:
         return len(self.transfers.asked)
 
     def succeed(self, count: int = 1, opaque_id: int = 0) -> None:
@@ -67,21 +67,21 @@ def bench() -> Bench:
     return Bench()
 
 
-def test_what_was_downloaded_is_told_as_zones(bench: Bench) -> None:
+def test_what_was_downloaded_is_reported_as_zones(bench: Bench) -> None:
     bench.wait(10.0)
-    assert bench.asked_count() == 1
+    assert bench.requests_count() == 1
     bench.succeed(3)
     assert [len(found.zones or ()) for found in bench.found] == [3]
     zone = (bench.found[0].zones or ())[1]
     assert (zone.radius_m, zone.points) == (5.0, ((47.0, 8.0000001),))
 
 
-def test_an_autopilot_that_never_answers_is_asked_ever_more_rarely(bench: Bench) -> None:
+def test_an_autopilot_that_never_answers_is_queried_ever_more_rarely(bench: Bench) -> None:
     pauses_s = []
     for _ in range(8):
         bench.fail()
-        failed_s, asked_count = bench.now_s, bench.asked_count()
-        while bench.asked_count() == asked_count:
+        failed_s, asked_count = bench.now_s, bench.requests_count()
+        while bench.requests_count() == asked_count:
             bench.wait(0.5)
         pauses_s.append(bench.now_s - failed_s)
     assert pauses_s == pytest.approx([5.0, 10.0, 20.0, 40.0, 80.0, 160.0, 160.0, 160.0], abs=1.0)
@@ -93,13 +93,13 @@ def test_a_failure_is_tried_again_in_flight_too(bench: Bench) -> None:
     bench.is_armed = True
     bench.wait(0.0)
     bench.fail()
-    assert bench.asked_count() == 2  # at first, and as it was armed
+    assert bench.requests_count() == 2  # at first, and as it was armed
     bench.fail()
     bench.wait(2.0 * FIRST_PAUSE_S)
-    assert bench.asked_count() == 3
+    assert bench.requests_count() == 3
 
 
-def test_too_many_items_are_told(bench: Bench) -> None:
+def test_too_many_items_are_reported(bench: Bench) -> None:
     bench.transfers.asked[-1].set_exception(ResourceExhaustedError("it has 501 items, more than 500"))
     bench.wait(0.0)
     assert bench.found == [FoundZones(None, "it has 501 items, more than 500")]
@@ -114,27 +114,27 @@ def test_where_too_many_transfers_wait_it_is_tried_again(bench: Bench) -> None:
 def test_it_is_read_again_now_and_then_while_disarmed_but_not_in_flight(bench: Bench) -> None:
     bench.succeed()
     bench.wait(POLL_S - 1.0)
-    assert bench.asked_count() == 1
+    assert bench.requests_count() == 1
     bench.wait(1.0)
     bench.succeed()
-    assert bench.asked_count() == 2
+    assert bench.requests_count() == 2
     bench.is_armed = True
     bench.wait(0.0)
-    assert bench.asked_count() == 3  # as it is armed
+    assert bench.requests_count() == 3  # as it is armed
     bench.succeed()
     for _ in range(100):
         bench.wait(10.0)
-    assert bench.asked_count() == 3
+    assert bench.requests_count() == 3
 
 
-def test_a_new_wish_in_the_middle_begins_anew_once_what_is_under_way_has_ended(bench: Bench) -> None:
+def test_a_new_wish_in_the_middle_begins_anew_once_what_is_in_progress_has_ended(bench: Bench) -> None:
     bench.download.want()
     bench.wait(0.0)
-    assert bench.asked_count() == 1
+    assert bench.requests_count() == 1
     bench.succeed()
-    assert bench.asked_count() == 2
+    assert bench.requests_count() == 2
     bench.succeed()
-    assert (bench.asked_count(), len(bench.found)) == (2, 2)
+    assert (bench.requests_count(), len(bench.found)) == (2, 2)
 
 
 def test_px4s_checksum_saves_the_polls_and_tells_of_another_fence_in_flight_too(bench: Bench) -> None:
@@ -142,22 +142,22 @@ def test_px4s_checksum_saves_the_polls_and_tells_of_another_fence_in_flight_too(
     bench.tell(7)
     for _ in range(100):
         bench.wait(10.0)
-    assert bench.asked_count() == 1
+    assert bench.requests_count() == 1
     bench.is_armed = True
     bench.wait(0.0)
     bench.succeed(opaque_id=7)
     bench.tell(8)
-    assert bench.asked_count() == 3
+    assert bench.requests_count() == 3
     bench.succeed(opaque_id=8)
     bench.tell(0)  # it was cleared
-    assert bench.asked_count() == 4
+    assert bench.requests_count() == 4
     bench.succeed(0)
     bench.tell(0)
-    assert bench.asked_count() == 4
+    assert bench.requests_count() == 4
 
 
 def test_a_change_by_ual_is_read_again(bench: Bench) -> None:
     bench.succeed()
     bench.transfers._changes[MissionType.FENCE] += 1
     bench.wait(0.0)
-    assert bench.asked_count() == 2
+    assert bench.requests_count() == 2

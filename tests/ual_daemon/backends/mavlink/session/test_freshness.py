@@ -52,7 +52,7 @@ def test_whether_it_is_armed_does_not_go_stale_by_chance_on_a_bad_link() -> None
 
 
 @pytest.mark.parametrize("name", sorted(PX4_OWN_HZ))
-def test_what_comes_at_the_own_rate_of_an_autopilot_is_asked_for_before_it_is_stale(name: str) -> None:
+def test_what_comes_at_the_own_rate_of_an_autopilot_is_requested_before_it_is_stale(name: str) -> None:
     limit_s = getattr(Px4().freshness, name)
     assert 1.0 / PX4_OWN_HZ[name] < LATE_SHARE * limit_s  # so that nothing is asked for on a good link
     fails_asked = 1.0 - (1.0 - FAILS) ** 2

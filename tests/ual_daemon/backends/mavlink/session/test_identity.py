@@ -35,7 +35,7 @@ def why(harness: Harness) -> str:
     return found.why
 
 
-def test_a_plane_that_takes_the_place_of_a_copter_is_only_watched() -> None:
+def test_a_plane_that_replaces_a_copter_is_only_watched() -> None:
     harness = Harness()
     harness.receive(copter())
     assert harness.session.dialect.name == "ArduPilot"
@@ -54,7 +54,7 @@ def test_a_plane_that_takes_the_place_of_a_copter_is_only_watched() -> None:
         harness.session.dialect.hold()
 
 
-def test_a_copter_that_comes_after_a_plane_is_flown() -> None:
+def test_a_copter_that_comes_after_a_plane_is_controlled() -> None:
     harness = Harness()
     harness.receive(plane())
     harness.run(10.0)
@@ -66,7 +66,7 @@ def test_a_copter_that_comes_after_a_plane_is_flown() -> None:
 
 
 @pytest.mark.parametrize("other", [plane, tracker])
-def test_two_kinds_with_one_system_id_are_not_flown(other: type[Message], caplog: pytest.LogCaptureFixture) -> None:
+def test_two_kinds_with_one_system_id_are_not_executed(other: type[Message], caplog: pytest.LogCaptureFixture) -> None:
     harness = Harness()
     harness.receive(copter(armed=True))
     for _ in range(6):
@@ -83,7 +83,7 @@ def test_two_kinds_with_one_system_id_are_not_flown(other: type[Message], caplog
     assert harness.snapshot().link.conflict == ""
 
 
-def test_commands_under_way_are_not_sent_again_in_a_conflict() -> None:
+def test_commands_in_progress_are_not_sent_again_in_a_conflict() -> None:
     harness = Harness()
     harness.receive(copter())
     harness.session.submit(harness.session.dialect.hold(), harness.now_s)
@@ -96,7 +96,7 @@ def test_commands_under_way_are_not_sent_again_in_a_conflict() -> None:
     assert harness.commands(mavlink.MAV_CMD_DO_SET_MODE) == []
 
 
-def test_an_antenna_tracker_heard_first_does_not_lock_the_copter_out() -> None:
+def test_an_antenna_tracker_received_first_does_not_lock_the_copter_out() -> None:
     harness = Harness()
     harness.receive(data=packer(2)(tracker()))
     assert harness.discovery.session is None
@@ -110,7 +110,7 @@ def test_an_antenna_tracker_is_watched_where_its_system_id_is_set() -> None:
     assert "antenna tracker" in harness.session.info().limitation
 
 
-def test_two_copters_with_one_system_id_are_seen_by_their_times_since_boot() -> None:
+def test_two_copters_with_one_system_id_are_visible_to_their_times_since_boot() -> None:
     harness = Harness()
     other = packer()
     harness.receive(copter())
@@ -122,7 +122,7 @@ def test_two_copters_with_one_system_id_are_seen_by_their_times_since_boot() -> 
     assert harness.snapshot().motion.pose is None
 
 
-def test_two_copters_that_booted_at_once_are_seen_by_their_addresses_and_sequence_numbers() -> None:
+def test_two_copters_that_booted_at_once_are_visible_to_their_addresses_and_sequence_numbers() -> None:
     harness = Harness()
     other = packer()
     for _ in range(100):  # its numbers are elsewhere
@@ -137,7 +137,7 @@ def test_two_copters_that_booted_at_once_are_seen_by_their_addresses_and_sequenc
     )
 
 
-def test_one_vehicle_by_two_ways_a_new_address_and_a_reboot_are_no_conflict() -> None:
+def test_one_vehicle_by_two_variants_a_new_address_and_a_reboot_are_no_conflict() -> None:
     harness = Harness()
     harness.receive(copter())
     for _ in range(20):  # a router that sends all twice
@@ -225,7 +225,7 @@ class Flying(Harness):
         return estimate(self.snapshot(), Dialect.freshness).state
 
     @property
-    def told(self) -> str:
+    def reported(self) -> str:
         return " ".join(self.snapshot().condition.health.failing_checks)
 
 
@@ -255,14 +255,14 @@ def test_one_message_takes_no_flying_uav_away(name: str, caplog: pytest.LogCaptu
 
 
 @pytest.mark.parametrize("name", ["plane", "ardupilot"])
-def test_another_kind_beside_a_flight_is_told_and_counts_on_the_ground(
+def test_another_kind_next_to_a_flight_is_reported_and_counts_on_the_ground(
     name: str, caplog: pytest.LogCaptureFixture
 ) -> None:
     harness = Flying()
     harness.states.clear()
     harness.fly(8.0, FORGED[name])
     assert harness.states == {State.FLYING_AUTO}
-    assert "send as system 1" in harness.told
+    assert "send as system 1" in harness.reported
     events = [vars(each).get("ual_event", "") for each in caplog.records]
     assert [each for each in events if each.startswith("vehicle")] == ["vehicle_doubtful"]
     harness.landed = mavlink.MAV_LANDED_STATE_ON_GROUND
@@ -273,16 +273,16 @@ def test_another_kind_beside_a_flight_is_told_and_counts_on_the_ground(
     assert harness.state() is State.LANDED_DISARMED
 
 
-def test_a_vtol_state_that_stays_is_told_in_flight_and_counts_on_the_ground() -> None:
+def test_a_vtol_state_that_stays_is_reported_in_flight_and_counts_on_the_ground() -> None:
     harness = Flying()
     harness.fly(3.0, vtol(), 0.1)  # as many as of the true ones
     assert harness.state() is State.FLYING_AUTO
-    assert harness.told == ""  # they do not agree
+    assert harness.reported == ""  # they do not agree
     for _ in range(30):
         harness.receive(px4(), vtol(mavlink.MAV_LANDED_STATE_IN_AIR), attitude(), position(harness.now_s))
         harness.run(0.1)
     assert harness.session.info().capabilities
-    assert "VTOL" in harness.told
+    assert "VTOL" in harness.reported
     for _ in range(40):
         harness.receive(px4(armed=False), vtol(mavlink.MAV_LANDED_STATE_ON_GROUND))
         harness.run(0.1)
@@ -293,7 +293,7 @@ def test_a_vtol_state_that_stays_is_told_in_flight_and_counts_on_the_ground() ->
     assert harness.state() is State.LANDED_DISARMED
 
 
-def test_two_vehicles_beside_a_flight_do_not_end_it() -> None:
+def test_two_vehicles_next_to_a_flight_do_not_end_it() -> None:
     harness = Flying()
     harness.states.clear()
     for _ in range(20):
@@ -301,7 +301,7 @@ def test_two_vehicles_beside_a_flight_do_not_end_it() -> None:
         harness.fly(0.1)
         assert harness.snapshot().motion.pose.value.position.y == pytest.approx(1.0)
     assert harness.states == {State.FLYING_AUTO}
-    assert "booted 60 s apart" in harness.told
+    assert "booted 60 s apart" in harness.reported
 
 
 def test_a_stray_first_heartbeat_does_not_choose_the_autopilot_for_good() -> None:
@@ -320,18 +320,18 @@ def test_a_parameter_that_changes_is_read_again() -> None:
     def speed(value: float) -> Message:
         return mavlink.MAVLink_param_value_message(b"MPC_XY_VEL_MAX", value, mavlink.MAV_PARAM_TYPE_REAL32, 900, 1)
 
-    def is_asked() -> bool:
+    def is_requested() -> bool:
         return any(each.param_id == "MPC_XY_VEL_MAX" for each in harness.link.take("PARAM_REQUEST_READ"))
 
     harness.receive(px4(armed=False), speed(12.0))
     harness.link.sent.clear()
     harness.receive(data=packer()(speed(0.5)))
-    assert is_asked()
+    assert is_requested()
     harness.receive(speed(12.0))
     assert harness.session.info().limits.horizontal_speed_m_s == 12.0
-    assert is_asked()
+    assert is_requested()
     harness.receive(speed(12.0))
-    assert not is_asked()
+    assert not is_requested()
 
 
 def test_one_version_does_not_make_a_flight_controller_a_simulator() -> None:

@@ -15,7 +15,7 @@ def available(custom_mode: int, name: str) -> Message:
     return mavlink.MAVLink_available_modes_message(1, 1, 0, custom_mode, 0, name.encode())
 
 
-def test_an_external_mode_has_its_own_name_once_that_was_told() -> None:
+def test_an_external_mode_has_its_own_name_once_that_was_reported() -> None:
     names = ModeNames(Px4())
     before = names.mode(EXTERNAL_1)
     assert before.text == "AUTO.EXTERNAL1"
@@ -58,7 +58,7 @@ def test_names_that_have_changed_are_requested_anew() -> None:
     assert names.mode(EXTERNAL_1).text == f"AUTO.EXTERNAL1 ({'x' * LONGEST_NAME})"
 
 
-def test_an_autopilot_without_names_is_not_asked_for_ever() -> None:
+def test_an_autopilot_without_names_is_not_requested_ever() -> None:
     names = ModeNames(Px4())
     names.mode(EXTERNAL_1)
     assert [names.take_request(REQUEST_S * i) for i in range(MOST_REQUESTS + 1)] == [True] * MOST_REQUESTS + [False]

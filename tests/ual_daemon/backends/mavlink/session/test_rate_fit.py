@@ -37,12 +37,12 @@ def settle(loss_of: Callable[[RateFit], float], duration_s: float = 300.0, *, is
 @pytest.mark.parametrize(
     ("capacity", "level"), [(1.0, 0), (0.75, 0), (0.5, 1), (0.36, 1), (0.2, 2), (0.125, 3), (0.05, MOST), (0.01, MOST)]
 )
-def test_an_overrun_radio_is_asked_for_as_much_as_it_carries(capacity: float, level: int) -> None:
+def test_an_overrun_radio_is_requested_as_much_as_it_carries(capacity: float, level: int) -> None:
     assert settle(radio(capacity)).level == level
 
 
 @pytest.mark.parametrize("loss", [0.1, 0.3, 0.5, 0.9])
-def test_a_bad_link_is_asked_for_all(loss: float) -> None:
+def test_a_bad_link_gets_requests_for_all(loss: float) -> None:
     """Each try is taken back, and they become rare."""
     fit = RateFit()
     levels = []
@@ -55,7 +55,7 @@ def test_a_bad_link_is_asked_for_all(loss: float) -> None:
     assert sum(levels) <= tries_count * (LASTS_S + 2.0)
 
 
-def test_one_that_is_bad_and_overrun_is_asked_for_what_it_carries() -> None:
+def test_one_that_is_bad_and_overrun_is_requested_what_it_carries() -> None:
     assert settle(radio(0.2, bad=0.15), 600.0).level in (2, 3)
 
 
@@ -64,7 +64,7 @@ def test_a_short_loss_changes_nothing() -> None:
     assert not any(fit.update(float(second), 0.9 * (second % 10 < 8), is_armed=True) for second in range(100))
 
 
-def test_more_is_asked_for_again_on_the_ground_once_the_link_is_good() -> None:
+def test_more_is_requested_again_on_the_ground_once_the_link_is_good() -> None:
     fit = settle(radio(0.2))
     for is_armed in (True, False):
         changed = [fit.update(1000.0 + second, 0.0, is_armed=is_armed) for second in range(round(4 * GROW_S))]

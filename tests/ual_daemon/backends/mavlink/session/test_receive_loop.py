@@ -142,7 +142,7 @@ class Script(EndlessLink):
         return [(data, ADDRESS) for data in map(self._pack, self._batches.pop(0))]
 
 
-def test_a_mode_that_lasts_for_a_moment_is_seen_by_an_update() -> None:
+def test_a_mode_that_lasts_for_a_moment_is_visible_to_an_update() -> None:
     """A pilot took over 0.01 s after OFFBOARD: no update saw that mode, and the take-off went on in the pilot's."""
     clock = Clock()
     begun = [heartbeat(_POSCTL, armed=True), attitude(), position(0.0)]

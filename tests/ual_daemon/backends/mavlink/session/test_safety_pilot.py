@@ -86,7 +86,7 @@ def ready() -> Pilot:
     return it
 
 
-def test_it_arms_and_reports_what_the_autopilot_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_arms_and_reports_what_the_autopilot_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ual_daemon.backends.firmwares.safety_pilot.ARMING_LIMIT_S", 0.01)
     it = ready()
     with pytest.raises(UalTimeoutError):
@@ -103,6 +103,6 @@ def refused() -> Future[None]:
     return future
 
 
-def test_what_is_at_a_serial_line_is_real_before_anything_is_sent() -> None:
+def test_what_is_at_a_serial_link_is_real_before_anything_is_sent() -> None:
     assert MavlinkBackend(BackendOptions("uav_1", "serial:///dev/ttyACM0:57600")).safety_pilot() is None
     assert MavlinkBackend(BackendOptions("uav_1", "udpin://127.0.0.1:14540")).safety_pilot()

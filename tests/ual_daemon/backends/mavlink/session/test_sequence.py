@@ -109,7 +109,7 @@ def lost(sequences: list[int]) -> int:
         ([0, 120], 119),
     ],
 )
-def test_loss_is_told_by_gaps_in_the_numbers(sequences: list[int], count: int) -> None:
+def test_loss_is_reported_by_gaps_in_the_numbers(sequences: list[int], count: int) -> None:
     assert lost(sequences) == count
 
 

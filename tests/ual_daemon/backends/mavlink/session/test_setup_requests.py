@@ -26,7 +26,7 @@ STEP_S = 0.01
 INTERVAL, REQUEST = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_CMD_REQUEST_MESSAGE
 
 
-def asked(dialect: Dialect, rates_hz: Mapping[int, float], duration_s: float = 60.0) -> Counter[int]:
+def requests_made(dialect: Dialect, rates_hz: Mapping[int, float], duration_s: float = 60.0) -> Counter[int]:
     """Returns the requests for each message, where every request is acknowledged, but these are the rates."""
     telemetry = SimpleNamespace(message_counts=Counter[int](), parameters=dict.fromkeys(dialect.parameters, 0.0))
     found: Counter[int] = Counter()
@@ -64,20 +64,20 @@ def asked(dialect: Dialect, rates_hz: Mapping[int, float], duration_s: float = 6
         (mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION, 4.0),
     ],
 )
-def test_a_stream_of_ardupilot_at_its_own_rate_is_asked_for_again(message_id: int, unasked_hz: float) -> None:
-    assert asked(ArduCopter(), {message_id: unasked_hz})[message_id] > 10
+def test_a_stream_of_ardupilot_at_its_own_rate_is_requested_again(message_id: int, unasked_hz: float) -> None:
+    assert requests_made(ArduCopter(), {message_id: unasked_hz})[message_id] > 10
 
 
 def test_px4s_mode_flows_when_it_comes_twice_a_second_and_not_by_its_own_rate() -> None:
     current_mode = mavlink.MAVLINK_MSG_ID_CURRENT_MODE
-    assert asked(Px4(), {current_mode: 2.0})[current_mode] <= 2
-    assert asked(Px4(), {current_mode: 0.5})[current_mode] > 10
+    assert requests_made(Px4(), {current_mode: 2.0})[current_mode] <= 2
+    assert requests_made(Px4(), {current_mode: 0.5})[current_mode] > 10
 
 
 @pytest.mark.parametrize("dialect", [Px4(), ArduCopter()])
-def test_what_flows_as_asked_is_not_asked_for_again(dialect: Dialect) -> None:
+def test_what_flows_as_requested_is_not_requested_again(dialect: Dialect) -> None:
     rates_hz = {round(each.request.params[0]): 1e6 / each.request.params[1] for each in dialect.streams(50.0)}
-    assert set(asked(dialect, rates_hz).values()) == {1}
+    assert set(requests_made(dialect, rates_hz).values()) == {1}
 
 
 # --- In a session -----------------------------------------------------------------------------------------------------
@@ -85,7 +85,7 @@ def test_what_flows_as_asked_is_not_asked_for_again(dialect: Dialect) -> None:
 STREAMS = {436: 5e4, 245: 5e4, 230: 1e5, 31: 2e4, 32: 2e4, 85: pytest.approx(1e6 / 37.0), 65: 2e5}
 
 
-def _asked_streams(harness: Harness, *, until_s: float) -> dict[int, float]:
+def _requested_streams(harness: Harness, *, until_s: float) -> dict[int, float]:
     """Returns the streams that it requests while every request is accepted."""
     asked: dict[int, float] = {}
     while harness.now_s < until_s:
@@ -118,25 +118,25 @@ def _stream(harness: Harness, *, until_s: float, without: int = 0) -> set[float]
     return asked
 
 
-def test_streams_are_asked_for_until_each_is_acknowledged_and_flows() -> None:
+def test_streams_are_requested_until_each_is_acknowledged_and_flows() -> None:
     harness = Harness()
     harness.receive(heartbeat())
     harness.run(30.0)  # nobody answers
     harness.link.sent.clear()
-    assert _asked_streams(harness, until_s=45.0) == STREAMS
+    assert _requested_streams(harness, until_s=45.0) == STREAMS
     _stream(harness, until_s=60.0)
     assert _stream(harness, until_s=90.0) == set()
 
 
-def test_a_stream_that_does_not_flow_is_asked_for_again_though_it_was_acknowledged() -> None:
+def test_a_stream_that_does_not_flow_is_requested_again_though_it_was_acknowledged() -> None:
     harness = Harness()
     harness.receive(heartbeat())
-    assert _asked_streams(harness, until_s=2.0) == STREAMS  # by the acknowledgement of another, for all we know
+    assert _requested_streams(harness, until_s=2.0) == STREAMS  # by the acknowledgement of another, for all we know
     _stream(harness, until_s=4.0, without=245)
     assert _stream(harness, until_s=6.0, without=245) == {245.0}
 
 
-def test_a_stream_that_it_refuses_is_not_asked_for_again() -> None:
+def test_a_stream_that_it_refuses_is_not_requested_again() -> None:
     harness = Harness()
     harness.receive(heartbeat())
     asked_count = 0
@@ -160,7 +160,7 @@ def test_what_is_sent_only_on_request_is_requested_until_it_comes() -> None:
     assert {sent.param1 for sent in harness.commands(REQUEST)} == {148.0, 49.0}
 
 
-def test_px4s_origin_is_asked_for_now_and_then_as_the_message_that_moves_it_may_have_been_lost() -> None:
+def test_px4s_origin_is_requested_now_and_then_as_the_message_that_moves_it_may_have_been_lost() -> None:
     harness = Harness()
     harness.receive(heartbeat())
     harness.receive(mavlink.MAVLink_gps_global_origin_message(1, 1, 1))
@@ -186,7 +186,7 @@ def test_limits_come_from_parameters_that_are_read_until_they_are_known() -> Non
     assert limits.yaw_rate_rad_s == pytest.approx(math.pi / 2)
 
 
-def test_a_parameter_that_it_does_not_have_is_asked_for_ever_more_rarely() -> None:
+def test_a_parameter_that_it_does_not_have_is_requested_ever_more_rarely() -> None:
     harness = Harness()
     harness.receive(heartbeat())
     asked_s: list[float] = []
@@ -200,10 +200,10 @@ def test_a_parameter_that_it_does_not_have_is_asked_for_ever_more_rarely() -> No
     assert pauses_s[-1] > 600.0
 
 
-def test_after_a_reboot_everything_is_asked_anew_and_the_old_boots_places_are_forgotten() -> None:
+def test_after_a_reboot_everything_is_requested_anew_and_the_old_boots_positions_are_forgotten() -> None:
     harness = Harness()
     harness.receive(heartbeat(), attitude(), position(100.0), mavlink.MAVLink_gps_global_origin_message(1, 1, 1))
-    assert _asked_streams(harness, until_s=10.0) == STREAMS
+    assert _requested_streams(harness, until_s=10.0) == STREAMS
     young = mavlink.MAVLink_attitude_quaternion_message(BOOT_MS // 10, 1, 0, 0, 0, 0, 0, 0)
     young_position = mavlink.MAVLink_local_position_ned_message(BOOT_MS // 10, 0, 0, 0, 0, 0, 0)
     before = harness.snapshot()
@@ -213,19 +213,19 @@ def test_after_a_reboot_everything_is_asked_anew_and_the_old_boots_places_are_fo
     assert harness.snapshot().earth.projection is None
     assert harness.snapshot().motion.stamp_s == pytest.approx(UTC_S + harness.now_s)
     assert harness.supervision.watch.reboots_count == 1
-    assert _asked_streams(harness, until_s=20.0) == STREAMS
+    assert _requested_streams(harness, until_s=20.0) == STREAMS
 
 
-def test_after_a_silence_everything_is_asked_anew() -> None:
+def test_after_a_silence_everything_is_requested_anew() -> None:
     harness = Harness()
     harness.receive(heartbeat())
-    assert _asked_streams(harness, until_s=2.0) == STREAMS
+    assert _requested_streams(harness, until_s=2.0) == STREAMS
     harness.run(10.0)
     harness.receive(heartbeat())
-    assert _asked_streams(harness, until_s=20.0) == STREAMS
+    assert _requested_streams(harness, until_s=20.0) == STREAMS
 
 
-def test_a_lost_link_is_no_autopilot_that_is_heard_and_streams_no_more(caplog: pytest.LogCaptureFixture) -> None:
+def test_a_lost_link_is_no_autopilot_that_is_received_and_streams_no_more(caplog: pytest.LogCaptureFixture) -> None:
     harness = Harness()
     harness.receive(heartbeat(), attitude())
     harness.run(0.5)
@@ -260,7 +260,7 @@ def _answering(harness: Harness, result: int | None, duration_s: float) -> list[
 
 
 @pytest.mark.parametrize(("result", "told"), [(mavlink.MAV_RESULT_UNSUPPORTED, "UNSUPPORTED"), (None, "no answer")])
-def test_where_no_request_for_a_stream_is_taken_groups_are_asked_for_and_it_is_told(
+def test_where_no_request_for_a_stream_is_taken_groups_are_requested_and_it_is_reported(
     result: int | None, told: str
 ) -> None:
     harness = Harness()
@@ -275,7 +275,7 @@ def test_where_no_request_for_a_stream_is_taken_groups_are_asked_for_and_it_is_t
     assert f"LOCAL_POSITION_NED ({told})" in harness.session.refused
 
 
-def test_where_some_requests_are_taken_no_group_is_asked_for() -> None:
+def test_where_some_requests_are_taken_no_group_is_requested() -> None:
     """On ArduPilot that would lower the rates of other messages."""
     harness = Harness()
     harness.receive(GENERIC)

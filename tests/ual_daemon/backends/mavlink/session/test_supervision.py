@@ -47,7 +47,7 @@ def test_a_silence_is_not_counted_as_lost_messages() -> None:
         max_size=200,
     )
 )
-def test_what_is_counted_in_few_steps_is_what_the_long_way_counts(frames: list[tuple[int, float]]) -> None:
+def test_what_is_counted_in_few_steps_is_what_the_long_path_counts(frames: list[tuple[int, float]]) -> None:
     both = tuple(LinkCounts(LinkWatch("udp", 1.0)) for _ in range(2))
     sequence, now_s = 250, 0.0
     for step, passed_s in frames:
@@ -76,7 +76,7 @@ def test_only_the_chosen_autopilot_counts() -> None:
     assert harness.supervision.watch.state is LinkWatchState.LOST
 
 
-def test_timesync_is_asked_and_answered() -> None:
+def test_timesync_is_queried_and_answered() -> None:
     harness = Harness()
     harness.receive(heartbeat())
     harness.run(0.05)
@@ -93,7 +93,7 @@ def test_timesync_is_asked_and_answered() -> None:
     assert len(harness.link.take("TIMESYNC")) == 3
 
 
-def test_a_reboot_is_seen_in_any_message_that_tells_the_time_since_boot() -> None:
+def test_a_reboot_is_observed_in_any_message_that_tells_the_time_since_boot() -> None:
     harness = Harness()
     harness.receive(heartbeat(), attitude(boot_ms=BOOT_MS))
     harness.now_s += 1.0
@@ -102,7 +102,7 @@ def test_a_reboot_is_seen_in_any_message_that_tells_the_time_since_boot() -> Non
     assert harness.supervision.watch.reboots_count == 1
 
 
-def test_another_autopilot_is_told_once_with_the_ids_and_how_to_choose(caplog: pytest.LogCaptureFixture) -> None:
+def test_another_autopilot_is_reported_once_with_the_ids_and_how_to_choose(caplog: pytest.LogCaptureFixture) -> None:
     harness = Harness()
     ground_station = heartbeat(autopilot=mavlink.MAV_AUTOPILOT_INVALID, kind=mavlink.MAV_TYPE_GCS)
     with caplog.at_level(logging.WARNING):
@@ -115,14 +115,14 @@ def test_another_autopilot_is_told_once_with_the_ids_and_how_to_choose(caplog: p
     )
 
 
-def test_who_has_chosen_is_not_told_of_others(caplog: pytest.LogCaptureFixture) -> None:
+def test_who_has_chosen_is_not_informed_of_others(caplog: pytest.LogCaptureFixture) -> None:
     harness = Harness(MavlinkSettings(system_id=7))
     with caplog.at_level(logging.WARNING):
         harness.receive(data=packer(7)(heartbeat()) + packer(3)(heartbeat()))
     assert caplog.records == []
 
 
-def test_a_heartbeat_that_is_late_is_asked_for_while_others_come() -> None:
+def test_a_heartbeat_that_is_late_is_requested_while_others_come() -> None:
     harness = Harness()
     harness.receive(heartbeat())
     asked: list[float] = []

@@ -109,7 +109,7 @@ def test_before_px4_says_whether_it_is_landed_it_is_not_taken_for_flying() -> No
     assert (found.state, found.why) == (State.UNINITIALIZED, "the autopilot has not said whether it is landed")
 
 
-def test_silence_is_told_as_a_lost_link_and_not_as_a_lost_value() -> None:
+def test_silence_is_reported_as_a_lost_link_and_not_as_a_lost_value() -> None:
     harness = Harness()
     harness.receive(heartbeat(), attitude(), position(0.0), on_ground(), estimator_status())
     harness.now_s = 0.02
@@ -123,7 +123,7 @@ def test_silence_is_told_as_a_lost_link_and_not_as_a_lost_value() -> None:
     assert not any(each.is_link_up for each in lost)
 
 
-def test_after_a_pause_of_ours_the_past_is_forgotten_and_asked_for_at_once() -> None:
+def test_after_a_pause_of_ours_the_past_is_forgotten_and_requested_at_once() -> None:
     harness = Harness()
     harness.receive(
         heartbeat(armed=True), attitude(), position(0.0), on_ground(), estimator_status(),
@@ -188,15 +188,15 @@ def test_a_px4_that_is_no_multirotor_is_only_watched(kind: int) -> None:
     assert info.autopilot.startswith("unknown (px4, ")
 
 
-def _place(latitude: int, longitude: int) -> Message:
+def _position(latitude: int, longitude: int) -> Message:
     return mavlink.MAVLink_global_position_int_message(BOOT_MS, latitude, longitude, 488_000, 3_000, 0, 0, 0, 0)
 
 
-def test_a_place_on_earth_is_told_while_it_is_fresh_and_one() -> None:
+def test_a_position_on_earth_is_reported_while_it_is_fresh_and_one() -> None:
     harness = Harness()
-    harness.receive(heartbeat(), _place(0, 0))  # ArduPilot before its first fix
+    harness.receive(heartbeat(), _position(0, 0))  # ArduPilot before its first fix
     assert harness.snapshot().motion.position_geo is None
-    harness.receive(_place(473977420, 85455940))
+    harness.receive(_position(473977420, 85455940))
     assert harness.snapshot().motion.position_geo.latitude_deg == pytest.approx(47.397742)
     harness.now_s += 1.0
     harness.receive(heartbeat())
@@ -232,24 +232,24 @@ def test_a_mode_is_taken_from_whichever_message_says_it_first() -> None:
     assert harness.snapshot().control.mode.value.name == "POSCTL"
 
 
-def told_battery(number: int, percent: int, function: int = 0, cells: int = 4, more: int = 0) -> Message:
+def reported_battery(number: int, percent: int, function: int = 0, cells: int = 4, more: int = 0) -> Message:
     voltages, ext = [4000] * cells + [0xFFFF] * (10 - cells), [4000] * more + [0] * (4 - more)
     return mavlink.MAVLink_battery_status_message(
         number, function, 0, 0x7FFF, voltages, 250, 0, 0, percent, 0, 0, ext, 0, 0
     )
 
 
-def test_of_several_batteries_the_emptiest_counts_and_all_are_told() -> None:
+def test_of_several_batteries_the_emptiest_counts_and_all_are_reported() -> None:
     harness = Harness()
-    harness.receive(heartbeat(), told_battery(0, 80), _charge(81))
+    harness.receive(heartbeat(), reported_battery(0, 80), _charge(81))
     assert harness.snapshot().condition.battery == Battery(81.0, 16.2, 1.0)  # one: as the system's status says
-    harness.receive(told_battery(1, 40, 2, 10, 2), told_battery(2, 5, 4), _charge(81), told_battery(3, 101))
+    harness.receive(reported_battery(1, 40, 2, 10, 2), reported_battery(2, 5, 4), _charge(81), reported_battery(3, 101))
     condition = harness.snapshot().condition
     assert condition.battery == Battery(40.0, 48.0, 2.5, 1, "propulsion")
     assert [(each.id, each.remaining_percent) for each in condition.batteries] == [(0, 80.0), (1, 40.0), (2, 5.0)]
 
 
-def test_battery_gps_and_places_are_told_in_our_units() -> None:
+def test_battery_gps_and_positions_are_reported_in_our_units() -> None:
     harness = Harness()
     harness.receive(
         heartbeat(),
@@ -298,7 +298,7 @@ def test_a_long_status_text_is_put_together() -> None:
     assert harness.snapshot().condition.status_text == "new"
 
 
-def _heard_out_of_order(harness: Harness, earlier: Any, later: Any) -> None:
+def _received_out_of_order(harness: Harness, earlier: Any, later: Any) -> None:
     first, second = harness.pack(earlier), harness.pack(later)
     harness.receive(data=second)
     harness.now_s += 0.1
@@ -309,21 +309,23 @@ def test_a_message_that_comes_late_does_not_bring_the_past_back() -> None:
     harness = Harness()
     offboard, landing = 6 << 16, 4 << 16 | 6 << 24
     harness.receive(heartbeat(offboard, armed=True))
-    _heard_out_of_order(harness, heartbeat(offboard, armed=True), heartbeat(landing, armed=False))
+    _received_out_of_order(harness, heartbeat(offboard, armed=True), heartbeat(landing, armed=False))
     assert harness.snapshot().control.mode.value.name == "AUTO.LAND"
     assert harness.snapshot().control.armed.value is False
     mode = mavlink.MAVLink_current_mode_message
-    _heard_out_of_order(harness, mode(0, landing, 0), heartbeat(offboard, armed=True))  # whichever message told it
+    _received_out_of_order(harness, mode(0, landing, 0), heartbeat(offboard, armed=True))  # whichever message told it
     assert harness.snapshot().control.mode.value.name == "OFFBOARD"
     said = mavlink.MAVLink_extended_sys_state_message
-    _heard_out_of_order(harness, said(0, mavlink.MAV_LANDED_STATE_IN_AIR), said(0, mavlink.MAV_LANDED_STATE_ON_GROUND))
+    _received_out_of_order(
+        harness, said(0, mavlink.MAV_LANDED_STATE_IN_AIR), said(0, mavlink.MAV_LANDED_STATE_ON_GROUND)
+    )
     assert harness.snapshot().control.landed.value is LandedState.ON_GROUND
     harness.receive(attitude())
-    _heard_out_of_order(harness, position(1.0, north=1.0), position(1.02, north=2.0))
+    _received_out_of_order(harness, position(1.0, north=1.0), position(1.02, north=2.0))
     assert harness.snapshot().motion.pose.value.position.y == 2.0
 
 
-def test_a_copy_of_the_mode_before_is_known_by_its_number_however_long_it_was_on_its_way() -> None:
+def test_a_copy_of_the_mode_before_is_known_by_its_number_however_long_it_was_en_route() -> None:
     harness = Harness()
     offboard, position_mode = 6 << 16, 3 << 16
     copy = harness.pack(mavlink.MAVLink_current_mode_message(0, offboard, 0))
@@ -379,7 +381,7 @@ def _ellipsoid(altitude_m: float) -> Message:
     return mavlink.MAVLink_gps_raw_int_message(0, 3, 1, 1, 1000, 0, 0, 0, 0, 9, round(altitude_m * 1e3))
 
 
-def test_a_home_without_a_place_is_none() -> None:
+def test_a_home_without_a_position_is_none() -> None:
     harness = Harness()
     nowhere = mavlink.MAVLink_home_position_message(0, 0, 400_000, 0, 0, 0, [1, 0, 0, 0], 0, 0, 0)
     harness.receive(heartbeat(), nowhere)

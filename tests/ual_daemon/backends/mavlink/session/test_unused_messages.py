@@ -22,7 +22,7 @@ def connected() -> Harness:
     return harness
 
 
-def test_a_damaged_frame_of_an_unused_message_does_not_count_as_heard() -> None:
+def test_a_damaged_frame_of_an_unused_message_does_not_count_as_received() -> None:
     harness = connected()
     harness.now_s = 0.3
     data = bytearray(harness.pack(UNUSED))

@@ -98,7 +98,7 @@ def test_a_whole_frame_between_the_pieces_of_another_costs_neither() -> None:
     assert [frame.data for frame in reader.read(NESTED[100:], ADDRESS)] == [NESTED]
 
 
-def test_garbage_that_looks_like_a_beginning_holds_up_no_frame_behind_it() -> None:
+def test_garbage_that_resembles_a_beginning_holds_up_no_frame_behind_it() -> None:
     """As in a message that no dialect knows, before others in the same datagram."""
     sent = stream_of(2)
     unknown = b"\xfd\x20\x00\x00\x00\x01\x01\xff\xff\x00" + b"\xfe\x1c\x00\x00\x00\x1e" * 5 + b"\xfe\x1c"

@@ -68,7 +68,7 @@ def signed(data: bytes) -> bytes:
     return packed
 
 
-def given_up(reader: FrameReader) -> list[MavlinkFrame]:
+def abandoned(reader: FrameReader) -> list[MavlinkFrame]:
     """The frames within what was begun, in which the reader does not believe any more."""
     return [frame for _, found in reader.give_up() for frame in found]
 
@@ -98,11 +98,11 @@ def test_a_stream_cut_anywhere_with_garbage_anywhere_yields_all_its_frames(
     found = [
         frame for begin, end in itertools.pairwise([0, *cuts, len(stream)]) for frame in reader.feed(stream[begin:end])
     ]
-    found += given_up(reader)
+    found += abandoned(reader)
     assert [frame.data for frame in found] == [frame for _, frame in pieces]
     assert reader.garbage_count == sum(len(noise) for noise, _ in pieces)
     whole = FrameReader()
-    assert [*whole.feed(stream), *given_up(whole)] == found
+    assert [*whole.feed(stream), *abandoned(whole)] == found
     assert (whole.garbage_count, whole.corrupt_count) == (reader.garbage_count, reader.corrupt_count)
 
 
@@ -113,7 +113,7 @@ def test_frames_come_as_soon_as_they_are_whole() -> None:
         assert reader.give_up() == []
 
 
-def test_what_only_looks_like_a_beginning_does_not_hold_a_frame_up_for_ever() -> None:
+def test_what_only_resembles_a_beginning_does_not_hold_a_frame_up_for_ever() -> None:
     """A heartbeat a second takes many to complete a false beginning that announces 280 bytes."""
     harness = Harness(is_stream=True)
     harness.receive(data=b"\xfd\xff\0\0\0\1\1\0\0\0")
@@ -123,7 +123,7 @@ def test_what_only_looks_like_a_beginning_does_not_hold_a_frame_up_for_ever() ->
     assert harness.session.system_id == 1
 
 
-def test_a_frame_that_comes_in_two_pieces_is_heard() -> None:
+def test_a_frame_that_comes_in_two_pieces_is_received() -> None:
     harness = Harness(is_stream=True)
     harness.receive(data=FRAMES[0][:7])
     harness.run(0.2)
@@ -210,7 +210,7 @@ class Work:
         self.looks_count = self.checks_count = self.bytes_count = 0
         look, check = frames._size_at, checksum.is_valid
 
-        def counted_look(data: bytes, at: int) -> int | None:
+        def counted_poll(data: bytes, at: int) -> int | None:
             self.looks_count += 1
             return look(data, at)
 
@@ -219,7 +219,7 @@ class Work:
             self.bytes_count += end
             return check(message_id, data, end)
 
-        monkeypatch.setattr(frames, "_size_at", counted_look)
+        monkeypatch.setattr(frames, "_size_at", counted_poll)
         monkeypatch.setattr(checksum, "is_valid", counted_check)
 
 
@@ -249,7 +249,7 @@ def test_the_work_grows_with_the_bytes_whatever_they_are(
         pieces = [garbage[at : at + 1000] for at in range(0, size, 1000)] if is_stream else [garbage]
         for piece in pieces:
             reader.feed(piece) if is_stream else reader.read(piece)
-        given_up(reader)
+        abandoned(reader)
         assert reader.garbage_count == size
         monkeypatch.undo()
         return counted.looks_count, counted.bytes_count
@@ -299,7 +299,7 @@ def test_a_frame_after_much_garbage_is_found_in_a_datagram_and_in_a_stream() -> 
     for garbage in NASTY.values():
         noise = garbage * 40 + b"\0" * 400
         reader = FrameReader()
-        found = [*reader.feed(noise + FRAMES[0]), *given_up(reader)]
+        found = [*reader.feed(noise + FRAMES[0]), *abandoned(reader)]
         assert [frame.data for frame in found] == [FRAMES[0]]
         assert [frame.data for frame in split(noise + FRAMES[0])[0]] == [FRAMES[0]]
 
@@ -319,7 +319,7 @@ def test_every_whole_frame_is_found_however_many_are_damaged() -> None:
             sent.append(frame)
         stream.append(frame)
     reader = FrameReader()
-    found = [*reader.feed(b"".join(stream)), *given_up(reader)]
+    found = [*reader.feed(b"".join(stream)), *abandoned(reader)]
     assert [frame.data for frame in found] == sent
     assert len(sent) > 200
 

@@ -53,7 +53,7 @@ def test_a_key_is_what_the_file_says_it_is(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("length", [1, 11, 30, 31, 32, 33, 64])
 @pytest.mark.parametrize("end", [b"", b"\n", b"\r\n"])
-def test_a_line_of_text_is_a_passphrase_whatever_its_length(tmp_path: Path, length: int, end: bytes) -> None:
+def test_a_row_of_text_is_a_passphrase_whatever_its_length(tmp_path: Path, length: int, end: bytes) -> None:
     passphrase = (b"open sesame " * 6)[:length].replace(b" ", b"-")
     assert read_key(key_file(tmp_path, passphrase + end)) == hashlib.sha256(passphrase).digest()
 
@@ -90,7 +90,7 @@ def test_a_key_that_others_could_read_is_refused_with_what_to_do(tmp_path: Path,
     assert f"run: chmod 600 {path}" in str(caught.value)
 
 
-def test_a_key_that_is_not_there_is_told(tmp_path: Path) -> None:
+def test_a_key_that_is_not_there_is_reported(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="No such file"):
         read_key(os.fspath(tmp_path / "none"))
 
@@ -112,7 +112,7 @@ def test_a_forged_timestamp_does_not_shut_the_autopilot_out() -> None:
     assert ours.check(Vehicle().frame()) is SignatureVerdict.GOOD
 
 
-def test_a_sender_first_heard_may_be_a_minute_behind_us() -> None:
+def test_a_sender_first_received_may_be_a_minute_behind_us() -> None:
     assert signer().check(Vehicle(timestamp=NOW - 5_999_999).frame()) is SignatureVerdict.GOOD
     assert signer().check(Vehicle(timestamp=NOW - 6_000_100).frame()) is SignatureVerdict.OLD
 
@@ -145,7 +145,7 @@ def test_the_number_of_senders_that_are_remembered_is_limited() -> None:
     assert len(ours._newest) == MOST_SENDERS
 
 
-def test_a_sender_that_is_heard_is_not_forgotten_for_others_whose_clock_is_ahead() -> None:
+def test_a_sender_that_is_received_is_not_forgotten_for_others_whose_clock_is_ahead() -> None:
     clock = Clock()
     ours = Signer(KEY, lambda: NOW_S + clock.now_s, clock)
     for each in range(3):
@@ -168,7 +168,7 @@ def test_what_a_forgotten_sender_signed_is_not_accepted_again() -> None:
     assert len(ours._newest) == MOST_SENDERS
 
 
-def test_our_timestamps_always_grow_and_follow_the_newest_heard() -> None:
+def test_our_timestamps_always_grow_and_follow_the_newest_received() -> None:
     ours = signer(utc_s=0.0)  # a computer that does not know what time it is
     assert [ours.next_timestamp(), ours.next_timestamp()] == [1, 2]
     assert ours.check(Vehicle(timestamp=NOW).frame()) is SignatureVerdict.GOOD
@@ -190,7 +190,7 @@ def test_what_we_send_is_signed_so_that_pymavlink_believes_it() -> None:
     assert receiver.signing.goodsig_count == len(harness.link.sent)
 
 
-def test_unsigned_messages_are_dropped_counted_and_told_once(caplog: pytest.LogCaptureFixture) -> None:
+def test_unsigned_messages_are_dropped_counted_and_reported_once(caplog: pytest.LogCaptureFixture) -> None:
     harness = Harness(signer=signer())
     with caplog.at_level(logging.WARNING):
         harness.receive(heartbeat(), heartbeat(), attitude())
@@ -215,7 +215,7 @@ def test_an_autopilot_whose_clock_is_behind_is_answered_so_that_it_can_follow() 
     assert harness.session.system_id == 1
 
 
-def test_signed_messages_are_heard_without_a_key_and_that_it_is_missing_is_told_once(
+def test_signed_messages_are_received_without_a_key_and_that_it_is_missing_is_reported_once(
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     harness, vehicle = Harness(), Vehicle()
@@ -227,7 +227,7 @@ def test_signed_messages_are_heard_without_a_key_and_that_it_is_missing_is_told_
     ]
 
 
-def test_that_a_key_may_be_missing_is_told_where_no_request_is_answered() -> None:
+def test_that_a_key_may_be_missing_is_reported_where_no_request_is_answered() -> None:
     harness, vehicle = Harness(), Vehicle()
     for _ in range(80):
         harness.receive(data=vehicle.pack(heartbeat()))
