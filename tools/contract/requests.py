@@ -150,7 +150,7 @@ def read_field(values: Values, field: FieldDescriptorProto) -> str:
         known = by_hand.of(field.type_name.rpartition(".")[2])
         more = f', "{field.name}"' if known is not None and known.names_field else ""
         if known is not None and known.name in ("Vector3", "Transform"):
-            value = f'convert.given(request, "{field.name}", "{field.name}").{field.name}'
+            value = f'convert.with_part(request, "{field.name}", "{field.name}").{field.name}'
         return f"{_codec(values, field)[1]}({value}{more})"
     return f'{value} if request.HasField("{field.name}") else None' if field.proto3_optional else value
 

@@ -341,7 +341,7 @@ class _Made:
             return f"tuple[{kind}, ...]", "()", f"map({writer}, {self._of_value})", read
         write, read = f"{writer}({self._of_value})", f"{reader}({self._of_message}{more})"
         if self._is_asked and self._facts.is_there:
-            read = f'{reader}(convert.given(message, "{self._part.name}", "{self._error_name}").{self._part.name})'
+            read = f'{reader}(convert.with_part(message, "{self._part.name}", "{self._error_name}").{self._part.name})'
         if self._facts.is_there:
             return kind, "0.0" if kind == "float" else f"{kind}()", write, read
         write = f"None if {self._of_value} is None else {write}"

@@ -100,7 +100,7 @@ def test_the_origin_and_standing_still_are_values_not_absence() -> None:
     assert convert.pose_stamped_from_proto(wire(convert.pose_stamped_to_proto(pose))) == pose
     assert motions.setpoint_from_proto(wire(motions.setpoint_to_proto(TwistStamped()))) == TwistStamped()
     still = wire(sim_pb.SetWindRequest(velocity_m_s=convert.vector3_to_proto(Vector3())))
-    assert convert.given(still, "velocity_m_s", "velocity_m_s") is still
+    assert convert.with_part(still, "velocity_m_s", "velocity_m_s") is still
 
 
 @given(values.transforms)
@@ -308,7 +308,7 @@ pose_without_pose = pb.PoseStamped(header=pb.Header(frame_id="map"))
             lambda: motions.task_request_from_proto(pb.FollowPathRequest(heading=pb.PathHeading.ValueType(9))),
             "heading",
         ),
-        (lambda: convert.given(sim_pb.SetWindRequest(), "velocity_m_s", "velocity_m_s"), "velocity_m_s"),
+        (lambda: convert.with_part(sim_pb.SetWindRequest(), "velocity_m_s", "velocity_m_s"), "velocity_m_s"),
         (lambda: simulation.fault_from_proto(sim_pb.Fault()), "fault.kind"),
         (
             lambda: simulation.fault_from_proto(sim_pb.Fault(estimator_jumps=sim_pb.EstimatorJumps(period_s=1.0))),

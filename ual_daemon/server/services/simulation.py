@@ -71,7 +71,7 @@ class SimulationServicer(SimulationServicerBase):
         await self._act(
             self._simulation.set_wind,
             velocity_m_s=convert.vector3_from_proto(
-                convert.given(request, "velocity_m_s", "velocity_m_s").velocity_m_s
+                convert.with_part(request, "velocity_m_s", "velocity_m_s").velocity_m_s
             ),
         )
         return pb.SetWindResponse()
@@ -80,7 +80,7 @@ class SimulationServicer(SimulationServicerBase):
     async def PlaceOnGround(self, request: pb.PlaceOnGroundRequest, context: object) -> pb.PlaceOnGroundResponse:
         await self._act(
             self._simulation.place_on_ground,
-            position=convert.vector3_from_proto(convert.given(request, "position", "position").position),
+            position=convert.vector3_from_proto(convert.with_part(request, "position", "position").position),
             yaw_rad=request.yaw_rad,
         )
         return pb.PlaceOnGroundResponse()

@@ -237,7 +237,7 @@ def task_error_from_proto(message: pb.TaskError) -> UalError:
     return errors.from_reason(message.reason, message.message, dict(message.metadata))
 
 
-def given(message: M, name: str, field: str) -> M:
+def with_part(message: M, name: str, field: str) -> M:
     """Returns a message. Raises `InvalidArgumentError` where its part `name` is not set."""
     if not message.HasField(name):
         raise not_set(field)

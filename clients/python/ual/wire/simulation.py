@@ -55,7 +55,7 @@ def estimator_jumps_to_proto(value: EstimatorJumps) -> pb.EstimatorJumps:
 def estimator_jumps_from_proto(message: pb.EstimatorJumps) -> EstimatorJumps:
     """Reads a message."""
     return EstimatorJumps(
-        convert.vector3_from_proto(convert.given(message, "offset", "fault.estimator_jumps.offset").offset),
+        convert.vector3_from_proto(convert.with_part(message, "offset", "fault.estimator_jumps.offset").offset),
         message.period_s,
     )
 

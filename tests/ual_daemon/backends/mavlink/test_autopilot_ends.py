@@ -10,7 +10,7 @@ import pytest
 from tests.simulators.mission_store import MISSION, Px4Store
 from tests.ual_daemon.backends.mavlink.test_autopilot_cut_uploads import SILENT, begins
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
-from tests.ual_daemon.backends.mavlink.test_autopilot_own_missions import wait_for_place
+from tests.ual_daemon.backends.mavlink.test_autopilot_own_missions import wait_for_position
 from ual.errors import LinkLostError
 from ual.types import State
 
@@ -40,7 +40,7 @@ def test_a_log_that_is_downloaded_is_closed(flight: Flight) -> None:
 
 @pytest.mark.parametrize("kind", ["px4"])  # ArduPilot takes no word of it, and another station's upload at any time
 def test_an_upload_is_withdrawn(flight: Flight) -> None:
-    wait_for_place(flight)
+    wait_for_position(flight)
     store, begun = flight.autopilot.missions, list[int]()
     assert isinstance(store, Px4Store)
 

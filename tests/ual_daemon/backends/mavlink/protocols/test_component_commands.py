@@ -41,7 +41,7 @@ class Bench(Harness):
         self.run(0.05)
         return future
 
-    def is_heard(self) -> bool:
+    def has_component(self) -> bool:
         future: Future[bool] = Future()
         self.discovery.protocols.components.ask(PARACHUTE, future)
         self.run(0.05)
@@ -58,9 +58,9 @@ def bench() -> Bench:
 
 
 def test_a_component_is_there_while_its_heartbeat_comes(bench: Bench) -> None:
-    assert bench.is_heard()
+    assert bench.has_component()
     bench.now_s += LOST_S
-    assert not bench.is_heard()
+    assert not bench.has_component()
 
 
 def test_a_command_is_sent_again_until_the_component_acknowledges(bench: Bench) -> None:
