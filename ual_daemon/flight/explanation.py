@@ -14,7 +14,7 @@ from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import SetpointLoss, Snapshot
 from ual_daemon.flight.external_silence import ExternalSilence
 from ual_daemon.flight.policy.authority import Authority
-from ual_daemon.flight.state import Estimate
+from ual_daemon.flight.state import Estimate, why_it_may_lie
 
 _log = logging.getLogger(__name__)
 
@@ -61,11 +61,15 @@ class Explanation:
             self._other_sender = other
             level = logging.WARNING if other else logging.INFO
             logs.event(_log, level, "another_sender", why=other or "no longer seen")
-        self.note = "".join((self._not_commanded(), f"; {other}" if other else "", f"; {trouble}" if trouble else ""))
+        self.note = "".join(
+            (self._not_commanded(snapshot), f"; {other}" if other else "", f"; {trouble}" if trouble else "")
+        )
 
-    def _not_commanded(self) -> str:
+    def _not_commanded(self, snapshot: Snapshot) -> str:
+        armed = snapshot.control.armed
         if self._is_in_control():
             return ""
+        lies = why_it_may_lie(snapshot) if armed is not None and armed.value else ""
         loss, lost = self._backend.info().setpoint_loss, self._authority.given_up or self._authority.taken
-        why = f"; {lost}: {_UNTIL}" if lost else _NOT_COMMANDED
+        why = (f"; {lost}: {_UNTIL}" if lost else _NOT_COMMANDED) + lies
         return f"{why}; without setpoints it {loss.value}" if loss is SetpointLoss.COASTS else why

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -10,6 +11,10 @@ from ual_daemon.backends.values import NEVER_S, Cause, Control, Freshness, Lande
 
 _SCHEDULING_GAP_S = 0.5
 """A backend publishes every 0.1 s at least; one that has not for this long is starved."""
+_STILL_M_S, _AT_HOME_M = 0.4, 0.8
+"""Speed below which a UAV stands still, and the height over its home below which it may then lie on the ground."""
+_LEAST_LEVEL = math.cos(math.radians(70.0))
+"""Cosine of a tilt in which nothing stands still in the air."""
 _FLYING_AUTO, _TAKING_OFF, _LANDING = State.FLYING_AUTO, State.TAKING_OFF, State.LANDING
 _IN_AIR, _ON_GROUND = LandedState.IN_AIR, LandedState.ON_GROUND
 _TAKES_OFF, _LANDS = LandedState.TAKING_OFF, LandedState.LANDING
@@ -63,7 +68,30 @@ def estimate(
         return Estimate(_FLYING_AUTO, f"in the air, {mission} (mode {mode})")
     if control is _REFERENCES:
         return _in_auto(mode, note)
-    return _in_manual(mode, known.held_by)
+    return _in_manual(mode, known.held_by, snapshot)
+
+
+def why_it_may_lie(snapshot: Snapshot) -> str:
+    """Returns that a UAV which its autopilot takes to be in the air may lie on the ground; empty where it flies.
+
+    PX4 takes one that has fallen to be in the air for long: until its motors run, or until nothing of it turns.
+    """
+    stopped = "; the autopilot has stopped its motors" if snapshot.control.failsafe is Cause.TERMINATION else ""
+    return stopped + _why_it_stands(snapshot)
+
+
+def _why_it_stands(snapshot: Snapshot) -> str:
+    velocity, pose = snapshot.motion.velocity, snapshot.motion.pose
+    if velocity is None or pose is None or velocity.value.linear.norm() > _STILL_M_S:
+        return ""
+    x, y, *_ = pose.value.orientation
+    if 1.0 - 2.0 * (x * x + y * y) < _LEAST_LEVEL:
+        return "; it stands still, tilted as nothing flies, and lies on the ground"
+    projection, home_m = snapshot.earth.projection, snapshot.earth.home_altitude_amsl_m
+    if projection is None or home_m is None:
+        return ""
+    above_m = pose.value.position.z + projection.altitude_amsl_m - home_m
+    return "; it stands still at the height of its home, and may lie there" if abs(above_m) < _AT_HOME_M else ""
 
 
 def noted(found: Estimate, note: str) -> Estimate:
@@ -129,8 +157,9 @@ def _in_auto(mode: str, note: str) -> Estimate:
     return Estimate(_FLYING_AUTO, f"in the air, the autopilot takes our references (mode {mode}){note}")
 
 
-def _in_manual(mode: str, held_by: Cause | None) -> Estimate:
-    return Estimate(State.FLYING_MANUAL, f"in the air, mode {mode} does not take our references{_because(held_by)}")
+def _in_manual(mode: str, held_by: Cause | None, snapshot: Snapshot) -> Estimate:
+    why = f"in the air, mode {mode} does not take our references{_because(held_by)}"
+    return Estimate(State.FLYING_MANUAL, f"{why}{why_it_may_lie(snapshot)}")
 
 
 def _how_it_lands(snapshot: Snapshot, mission: str) -> str:
@@ -138,7 +167,8 @@ def _how_it_lands(snapshot: Snapshot, mission: str) -> str:
     if mission and snapshot.control.held_by in (None, Cause.GROUND_STATION):
         assert snapshot.control.mode is not None
         return f"{mission}, and lands (mode {snapshot.control.mode.value.text})"
-    return f"the autopilot lands{_in_mode(snapshot)}"
+    stopped = why_it_may_lie(snapshot) if snapshot.control.failsafe is Cause.TERMINATION else ""
+    return f"the autopilot lands{_in_mode(snapshot)}{stopped}"
 
 
 def _in_mode(snapshot: Snapshot) -> str:

@@ -7,13 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tests.snapshots import changed, value_of
-from ual.geometry import Pose
+from ual.geometry import Pose, Quaternion, Twist, Vector3
 from ual.types import State
 from ual_daemon.backends.values import (
     NEVER_S,
     Cause,
     Control,
     ControlState,
+    EarthReference,
     Estimator,
     Freshness,
     LandedState,
@@ -23,6 +24,7 @@ from ual_daemon.backends.values import (
     Snapshot,
 )
 from ual_daemon.flight.state import Estimate, estimate, is_surely_auto, noted
+from ual_daemon.geodesy import FlatProjection
 
 NOW_S = 100.0
 FRESHNESS = Freshness(link_s=1.0, pose_s=2.0, mode_s=3.0, landed_s=4.0, estimator_s=5.0)
@@ -480,3 +482,45 @@ def test_the_few_steps_rely_on_each_age_as_of_now(value: str, limit_s: float) ->
 
     assert is_auto(limit_s)
     assert not is_auto(math.nextafter(limit_s, math.inf) + 1e-9)
+
+
+HOME = EarthReference(FlatProjection(47.0, 8.0, 390.0), home_altitude_amsl_m=400.0)
+TILTED = Quaternion.from_euler(math.radians(100.0), 0.0, 0.0)
+MAY_LIE = "it stands still at the height of its home, and may lie there"
+LIES = "it stands still, tilted as nothing flies, and lies on the ground"
+
+
+def fallen(z_m: float, *, speed_m_s: float = 0.0, orientation: Quaternion | None = None) -> Snapshot:
+    """Returns what an autopilot says in a mode of its own that takes the UAV to be in the air."""
+    pose = Pose(Vector3(0.0, 0.0, z_m), orientation or Quaternion())
+    velocity = Sample(Twist(Vector3(0.0, 0.0, -speed_m_s)), NOW_S)
+    mode = Sample(Mode("AUTO.RTL", Control.OTHER), NOW_S)
+    return changed(HEALTHY, earth=HOME, mode=mode, pose=Sample(pose, NOW_S), velocity=velocity)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (fallen(10.3), MAY_LIE),
+        (fallen(15.0, orientation=TILTED), LIES),
+        (fallen(15.0), ""),
+        (fallen(10.3, speed_m_s=1.0), ""),
+        (fallen(15.0, speed_m_s=8.0, orientation=TILTED), ""),
+        (changed(fallen(10.3), earth=EarthReference()), ""),
+    ],
+)
+def test_one_that_its_autopilot_takes_to_be_in_the_air_may_lie_on_the_ground(given: Snapshot, said: str) -> None:
+    """PX4 says IN_AIR of what has fallen, for as long as anything of it turns."""
+    found = estimate(given, FRESHNESS)
+    assert found.state is State.FLYING_MANUAL
+    assert found.why.startswith("in the air, mode AUTO.RTL does not take our references")
+    assert found.why.removeprefix("in the air, mode AUTO.RTL does not take our references").strip("; ") == said
+
+
+@pytest.mark.parametrize("control", [Control.OTHER, Control.LAND])
+def test_stopped_motors_are_told_at_once(control: Control) -> None:
+    mode = Sample(Mode("AUTO.LAND", control), NOW_S)
+    given = changed(fallen(10.3), failsafe=Cause.TERMINATION, mode=mode)
+    why = estimate(given, FRESHNESS).why
+    assert "the autopilot has stopped its motors" in why
+    assert MAY_LIE in why

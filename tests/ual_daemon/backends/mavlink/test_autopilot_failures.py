@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterator
 from contextlib import suppress
 
 import pytest
 
 from tests.conftest import LIMIT_S
-from tests.simulators import ArduPilot
+from tests.simulators import ArduPilot, px4
 from tests.simulators.mission_store import Sender
 from tests.ual_daemon.backends.mavlink.test_autopilot_arming import selected_after_our_arming
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
@@ -200,6 +201,39 @@ def test_a_daemon_that_is_new_takes_no_motion_after_the_motors_were_stopped_unti
         flight.wait_for(lambda: "still now" in flight.uav.telemetry().state_reason, "that it stands")
         flight.uav.recover_from_manual()
         assert "stopped" not in flight.uav.telemetry().state_reason
+    finally:
+        flight.uav.close()
+
+
+def test_a_daemon_that_is_new_tells_that_what_has_fallen_may_lie_on_the_ground(monkeypatch: pytest.MonkeyPatch) -> None:
+    """PX4 takes it to be in the air for as long as anything of it turns. The daemon said just that."""
+    monkeypatch.setattr(px4, "_LANDED_S", math.inf)
+    flight = Flight("px4")
+    try:
+        climb(flight)
+        flight.uav.go_to_waypoint(flight.goal(15.0, 0.0))  # above its home PX4 lands
+        flight.autopilot.has_thrust = False
+        flight.wait_for(lambda: height_m(flight) == 0.0, "its impact")
+        flight.kill()
+        flight.autopilot.run(3.0)
+        flight.start()
+        flight.wait_for_state(State.FLYING_MANUAL)
+        flight.wait_for(lambda: "may lie there" in flight.uav.telemetry().state_reason, "that it may lie")
+    finally:
+        flight.uav.close()
+
+
+def test_a_daemon_that_is_new_tells_it_also_where_the_autopilot_takes_its_references() -> None:
+    flight = Flight("ardupilot")
+    try:
+        climb(flight)
+        flight.kill()
+        flight.autopilot.has_thrust = False
+        flight.autopilot.run(1.3)
+        flight.start()
+        flight.first_s(
+            lambda told: told.state is State.FLYING_AUTO and "may lie there" in told.state_reason, flight.started_s
+        )
     finally:
         flight.uav.close()
 
