@@ -86,8 +86,8 @@ class GimbalInfo:
         number: The number by which requests name it, while the daemon runs.
         name: For people.
         abilities: What it can do.
-        is_connected: Whether it is heard now.
-        frame_id: Where it looks, as a frame below ``<ns>/base_link``: x along its view, y left, z up.
+        is_connected: Whether messages of the gimbal arrive now.
+        frame_id: Its direction, as a frame below ``<ns>/base_link``: x along its view, y left, z up.
         roll: Its limits from the horizon. None where it does not say, or says what cannot be.
         pitch: As `roll`.
         yaw: Its limits from the nose.
@@ -117,8 +117,8 @@ class GimbalStatus:
         in_body: The same as an orientation in ``<ns>/base_link``: x along its view, y left, z up.
         in_odom: The same in ``<ns>/odom``.
         activity: What it was ordered last by this daemon; None also after another program has replaced that.
-        target: What it looks at, while its activity is POINT.
-        off_target_rad: How far it looks beside that, rad.
+        target: The target, while its activity is POINT.
+        off_target_rad: Angle between its direction and the target, rad.
         control: Which program on the link has the control of it.
         controller: Human-readable name of the program that has the control; empty where it is free, or not known.
         problems: Human-readable problems: its own failures, a limit that is reached, a target whose place is not known.

@@ -16,7 +16,7 @@ class GripperState(Enum):
     """
 
     UNKNOWN = 1
-    """The autopilot does not say it, or has not said it since the last order."""
+    """The autopilot does not report it, or has not reported it since the last order."""
     OPENING = 2
     OPEN = 3
     CLOSING = 4

@@ -150,7 +150,7 @@ class CameraInfo:
         number: The number by which requests name it, while the daemon runs.
         name: For people: vendor and model.
         abilities: What it can do.
-        is_connected: Whether it is heard now.
+        is_connected: Whether messages of the camera arrive now.
         firmware_version: As it says; empty if it says nothing.
         width_px: Of its pictures; 0 where it does not say.
         height_px: Of its pictures; 0 where it does not say.

@@ -17,7 +17,7 @@ class CorrectionsStatus:
         messages_count: Messages of RTCM 3 that have left whole.
         bytes_count: Their bytes.
         dropped_count: Messages that were dropped: the link did not carry them, or was lost.
-        too_long_count: Messages that were dropped because the way to the receiver cannot carry their length.
+        too_long_count: Messages that were dropped because the link to the receiver cannot carry their length.
         skipped_bytes_count: Bytes that belonged to no whole message with a right checksum.
         age_s: Since when nothing has left; None before the first message.
 

@@ -27,13 +27,13 @@ class State(Enum):
     LANDED_ARMED = 3
     """Armed, on the ground."""
     TAKING_OFF = 4
-    """A take-off is under way."""
+    """A take-off is in progress."""
     FLYING_AUTO = 5
     """In the air; the autopilot takes its references from this daemon."""
     FLYING_MANUAL = 6
     """In the air; the safety pilot, or another of the autopilot's modes, flies."""
     LANDING = 7
-    """A landing is under way."""
+    """A landing is in progress."""
 
 
 class AltitudeReference(Enum):
@@ -51,7 +51,7 @@ class PathHeading(Enum):
     """Heading of the nose on a path. It turns within the UAV's limits, and the motion waits where it must."""
 
     WAYPOINTS = 1
-    """Turns on the way to each waypoint's orientation."""
+    """Turns to each waypoint's orientation during the leg before it."""
     FIXED = 2
     """Keeps the heading that it has."""
     ALONG_PATH = 3
@@ -176,8 +176,8 @@ class Health:
         link_quality: The part of its messages that arrived of late, 0 to 1; None where that is not measured.
         failsafe: The failsafe that is active, in the words of the metadata `by`: "battery failsafe", "rc failsafe",
             "fence", ...; empty: none. Take-off and recovery are refused meanwhile, unless they are forced.
-        held_by: Who or what holds the control in the present mode, where it is not this daemon, in the same words;
-            empty where that is not known.
+        held_by: What holds the control in the present mode, where it is not this daemon, in the same words; empty where
+            that is not known.
 
     """
 
@@ -193,11 +193,11 @@ class TaskInfo:
     """A manoeuvre that takes time.
 
     Args:
-        progress: 0 to 1, where it can be told.
+        progress: 0 to 1, where it is known.
         waypoint_index: Of FollowPath: the waypoint it flies to, counted from 0. Of a mission: its item, counted from 0.
         error: Set when it was aborted or failed.
-        description: What it was told to do, human-readable.
-        is_paused: It runs, but Pause stopped it on its way; Resume goes on.
+        description: The command, human-readable.
+        is_paused: It runs, but Pause has stopped it; Resume continues it.
 
     """
 
@@ -215,13 +215,13 @@ class TaskInfo:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """Motion that a request would make, from where the UAV is (or is told to be) now.
+    """Motion that a request would make, from the present (or commanded) position of the UAV.
 
-    What cannot be told is None: of a landing, which the autopilot flies by itself, and of a reference. That of
+    What is not known is None: of a landing, which the autopilot flies by itself, and of a reference. That of
     ReturnToLaunch ends where its landing begins.
 
     Args:
-        length_m: The way.
+        length_m: The path.
         duration_s: How long it takes in calm air.
 
     """
@@ -261,7 +261,7 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class Circle:
-    """An upright cylinder, seen from above.
+    """An upright cylinder.
 
     Args:
         center: Its z says nothing.
@@ -274,15 +274,15 @@ class Circle:
 
 @dataclass(frozen=True, slots=True)
 class Route:
-    """The way that is flown.
+    """The path of the running task.
 
     Args:
         frame_id: The frame of the points, `map`.
-        points: From where the task begins to where it ends, within 0.1 m of the way where that needs no more than 2,000
-            points; else that many points on it. Of a goal that moves: from where the UAV is told to be now to where the
-            goal is now.
+        points: From where the task begins to where it ends, within 0.1 m of the path where that needs no more than
+            2,000 points; else that many points on it. Of a goal that moves: from the commanded position of the UAV to
+            the present position of the goal.
         task_id: The task; empty where a reference leads there.
-        is_goal_moving: The goal moves, and so does the way to it.
+        is_goal_moving: The goal moves, and so does the path to it.
 
     """
 
@@ -336,7 +336,7 @@ class Telemetry(TelemetryBase):
         frame_id: Frame of pose, velocity and reference_pose (``<ns>/odom``, or the configured `pose_frame_id`).
         velocity: Along the axes of the header's frame.
         transform: `map` to ``<ns>/base_link``.
-        reference_pose: Where the UAV is told to be; set while the daemon gives references.
+        reference_pose: Commanded pose of the UAV; set while the daemon sends references.
         battery: The one that a flight depends on: of several the emptiest that does not feed the payload only.
         flight_mode: The autopilot's own name of its mode, human-readable.
         task: The running task.
@@ -379,7 +379,7 @@ class Geofence:
 
     Args:
         frame_id: The frame of all others, `map`.
-        corners: The corners of a polygon in order, as seen from above; their z says nothing. None: no polygon.
+        corners: The corners of a polygon in order; their z is ignored. None: no polygon.
         circle: Of the autopilot's own fence, less the reserve that UAL keeps.
         min_z_m: The highest of all lower edges: of the configured fence, of the floor, and of the autopilot's own
             fence.

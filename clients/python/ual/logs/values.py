@@ -19,8 +19,7 @@ class Log:
         size_bytes: How long it was when it was listed. One that is being written grows.
         time_s: When it was written, in UTC since 1970. None where the autopilot does not say: PX4 without a satellite
             fix does not know the time.
-        is_missing: The autopilot has it, but has not described it when it was asked: size and time are not known. List
-            again.
+        is_missing: The autopilot has it, but has not described it on request: size and time are not known. List again.
 
     """
 

@@ -35,7 +35,7 @@ class MissionPlan:
     """Plan of a mission.
 
     Args:
-        length_m: The way, with what jumps repeat.
+        length_m: The path, including what jumps repeat.
         duration_s: In calm air, as if it stopped at each waypoint. A return to launch and a landing are the
             autopilot's, and are counted at the speeds known of it.
         lowest_m: The lowest altitude of its places above the ground of the take-off.
@@ -72,7 +72,7 @@ class MissionProgress:
     Args:
         stage: By the autopilot's own words.
         item: The item that it flies to, counted from 1; None where it does not say.
-        reached: The item that it reached last; None where none was since it is heard.
+        reached: The item that it reached last; None where the daemon has received none.
         task_id: The task of UAL that flies it; empty where it is none of UAL.
 
     """

@@ -29,7 +29,7 @@ class CameraServiceStub(object):
     """Takes pictures and videos, and says what was taken. A camera is named by its number, which it keeps while the daemon
     runs: 0 is the first that was found. What a camera cannot do is refused with NOT_SUPPORTED.
     Every method that names a camera: INVALID_ARGUMENT (there is none of this number), LINK_LOST (the camera, or the
-    autopilot, is not heard). What a camera refuses is REJECTED_BY_AUTOPILOT, with its own words.
+    autopilot, sends nothing). What a camera refuses is REJECTED_BY_AUTOPILOT, with the camera's text.
     """
 
     def __init__(self, channel):
@@ -109,11 +109,11 @@ class CameraServiceServicer(object):
     """Takes pictures and videos, and says what was taken. A camera is named by its number, which it keeps while the daemon
     runs: 0 is the first that was found. What a camera cannot do is refused with NOT_SUPPORTED.
     Every method that names a camera: INVALID_ARGUMENT (there is none of this number), LINK_LOST (the camera, or the
-    autopilot, is not heard). What a camera refuses is REJECTED_BY_AUTOPILOT, with its own words.
+    autopilot, sends nothing). What a camera refuses is REJECTED_BY_AUTOPILOT, with the camera's text.
     """
 
     def ListCameras(self, request, context):
-        """All cameras that were found, also those that are not heard any more.
+        """All cameras that were found, including those that no longer send anything.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -127,7 +127,7 @@ class CameraServiceServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def TakePhoto(self, request, context):
-        """Takes one picture, and returns once the camera has said that it was taken.
+        """Takes one picture, and returns once the camera has confirmed it.
         Errors: TIMEOUT (it is not known whether it was taken).
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
@@ -285,7 +285,7 @@ class CameraService(object):
     """Takes pictures and videos, and says what was taken. A camera is named by its number, which it keeps while the daemon
     runs: 0 is the first that was found. What a camera cannot do is refused with NOT_SUPPORTED.
     Every method that names a camera: INVALID_ARGUMENT (there is none of this number), LINK_LOST (the camera, or the
-    autopilot, is not heard). What a camera refuses is REJECTED_BY_AUTOPILOT, with its own words.
+    autopilot, sends nothing). What a camera refuses is REJECTED_BY_AUTOPILOT, with the camera's text.
     """
 
     @staticmethod

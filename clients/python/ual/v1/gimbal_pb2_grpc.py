@@ -26,11 +26,11 @@ if _version_not_supported:
 
 
 class GimbalServiceStub(object):
-    """Points gimbals, and says where they look. A gimbal is named by its number, which it keeps while the daemon runs: 0 is
+    """Points gimbals, and reports where they point. A gimbal is named by its number, which it keeps while the daemon runs: 0 is
     the first that was found. What a gimbal cannot do is refused with NOT_SUPPORTED.
-    Angles follow REP 103, as all of UAL: a positive pitch looks down, a positive yaw is to the left.
+    Angles follow REP 103, as all of UAL: a positive pitch points down, a positive yaw is to the left.
     Every method that names a gimbal: INVALID_ARGUMENT (there is none of this number), LINK_LOST (the gimbal, or the
-    autopilot, is not heard). What a gimbal refuses is REJECTED_BY_AUTOPILOT, with its own words.
+    autopilot, sends nothing). What a gimbal refuses is REJECTED_BY_AUTOPILOT, with the gimbal's text.
     An order to a gimbal that another program on the link controls is WRONG_STATE: take its control first. One that is
     controlled by none is taken. Each order replaces the one before, also of another program of this daemon.
     """
@@ -94,24 +94,24 @@ class GimbalServiceStub(object):
 
 
 class GimbalServiceServicer(object):
-    """Points gimbals, and says where they look. A gimbal is named by its number, which it keeps while the daemon runs: 0 is
+    """Points gimbals, and reports where they point. A gimbal is named by its number, which it keeps while the daemon runs: 0 is
     the first that was found. What a gimbal cannot do is refused with NOT_SUPPORTED.
-    Angles follow REP 103, as all of UAL: a positive pitch looks down, a positive yaw is to the left.
+    Angles follow REP 103, as all of UAL: a positive pitch points down, a positive yaw is to the left.
     Every method that names a gimbal: INVALID_ARGUMENT (there is none of this number), LINK_LOST (the gimbal, or the
-    autopilot, is not heard). What a gimbal refuses is REJECTED_BY_AUTOPILOT, with its own words.
+    autopilot, sends nothing). What a gimbal refuses is REJECTED_BY_AUTOPILOT, with the gimbal's text.
     An order to a gimbal that another program on the link controls is WRONG_STATE: take its control first. One that is
     controlled by none is taken. Each order replaces the one before, also of another program of this daemon.
     """
 
     def ListGimbals(self, request, context):
-        """All gimbals that were found, also those that are not heard any more.
+        """All gimbals that were found, including those that no longer send anything.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def GetGimbalStatus(self, request, context):
-        """Where a gimbal looks, and what it does.
+        """Direction and activity of a gimbal.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -133,14 +133,14 @@ class GimbalServiceServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def SetGimbalRates(self, request, context):
-        """Turns at rates until the next order, or a limit. Zeros hold where it looks. Errors: TIMEOUT.
+        """Turns at rates until the next order, or a limit. Zeros hold the present direction. Errors: TIMEOUT.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def PointGimbal(self, request, context):
-        """Looks at a position in any frame, and follows it while the UAV or the frame moves, until the next order. At what it
+        """Points at a position in any frame, and follows it while the UAV or the frame moves, until the next order. At what it
         cannot turn to, it looks as near as its limits let it. Errors: UNKNOWN_FRAME, WRONG_STATE (a position is not known).
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
@@ -237,11 +237,11 @@ def add_GimbalServiceServicer_to_server(servicer, server):
 
  # This class is part of an EXPERIMENTAL API.
 class GimbalService(object):
-    """Points gimbals, and says where they look. A gimbal is named by its number, which it keeps while the daemon runs: 0 is
+    """Points gimbals, and reports where they point. A gimbal is named by its number, which it keeps while the daemon runs: 0 is
     the first that was found. What a gimbal cannot do is refused with NOT_SUPPORTED.
-    Angles follow REP 103, as all of UAL: a positive pitch looks down, a positive yaw is to the left.
+    Angles follow REP 103, as all of UAL: a positive pitch points down, a positive yaw is to the left.
     Every method that names a gimbal: INVALID_ARGUMENT (there is none of this number), LINK_LOST (the gimbal, or the
-    autopilot, is not heard). What a gimbal refuses is REJECTED_BY_AUTOPILOT, with its own words.
+    autopilot, sends nothing). What a gimbal refuses is REJECTED_BY_AUTOPILOT, with the gimbal's text.
     An order to a gimbal that another program on the link controls is WRONG_STATE: take its control first. One that is
     controlled by none is taken. Each order replaces the one before, also of another program of this daemon.
     """

@@ -28,9 +28,9 @@ if _version_not_supported:
 class GripperServiceStub(object):
     """Orders what the UAV carries, and says in which state it is. Nothing is ever ordered unasked.
     Errors of every method but GetEquipment. INVALID_ARGUMENT: the configuration has no such name, or a value is out of its
-    bounds. WRONG_STATE: an order of the same device is under way. TASK_ABORTED: another order has replaced it.
+    bounds. WRONG_STATE: an order of the same device is in progress. TASK_ABORTED: another order has replaced it.
     REJECTED_BY_AUTOPILOT (with its own words), NOT_SUPPORTED, LEASE_HELD, LEASE_LOST, LINK_LOST.
-    TIMEOUT: it is not known whether it was obeyed. Look before it is ordered again.
+    TIMEOUT: it is not known whether it was obeyed. Check before the next order.
     An order that may let a load go is sent once only; one that holds it is sent again until it is acknowledged.
     """
 
@@ -75,9 +75,9 @@ class GripperServiceStub(object):
 class GripperServiceServicer(object):
     """Orders what the UAV carries, and says in which state it is. Nothing is ever ordered unasked.
     Errors of every method but GetEquipment. INVALID_ARGUMENT: the configuration has no such name, or a value is out of its
-    bounds. WRONG_STATE: an order of the same device is under way. TASK_ABORTED: another order has replaced it.
+    bounds. WRONG_STATE: an order of the same device is in progress. TASK_ABORTED: another order has replaced it.
     REJECTED_BY_AUTOPILOT (with its own words), NOT_SUPPORTED, LEASE_HELD, LEASE_LOST, LINK_LOST.
-    TIMEOUT: it is not known whether it was obeyed. Look before it is ordered again.
+    TIMEOUT: it is not known whether it was obeyed. Check before the next order.
     An order that may let a load go is sent once only; one that holds it is sent again until it is acknowledged.
     """
 
@@ -167,9 +167,9 @@ def add_GripperServiceServicer_to_server(servicer, server):
 class GripperService(object):
     """Orders what the UAV carries, and says in which state it is. Nothing is ever ordered unasked.
     Errors of every method but GetEquipment. INVALID_ARGUMENT: the configuration has no such name, or a value is out of its
-    bounds. WRONG_STATE: an order of the same device is under way. TASK_ABORTED: another order has replaced it.
+    bounds. WRONG_STATE: an order of the same device is in progress. TASK_ABORTED: another order has replaced it.
     REJECTED_BY_AUTOPILOT (with its own words), NOT_SUPPORTED, LEASE_HELD, LEASE_LOST, LINK_LOST.
-    TIMEOUT: it is not known whether it was obeyed. Look before it is ordered again.
+    TIMEOUT: it is not known whether it was obeyed. Check before the next order.
     An order that may let a load go is sent once only; one that holds it is sent again until it is acknowledged.
     """
 

@@ -62,7 +62,7 @@ class LogServiceServicer(object):
     def DownloadLog(self, request, context):
         """Downloads a log from an offset on, to where it ended when the download began. One at a time for each UAV.
         Errors: INVALID_ARGUMENT (there is no such log, or it ends before the offset), LINK_LOST, TIMEOUT.
-        RESOURCE_EXHAUSTED: another download is under way.
+        RESOURCE_EXHAUSTED: another download is in progress.
         REJECTED_BY_AUTOPILOT: in the autopilot's own words, or the log has become shorter.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)

@@ -92,7 +92,7 @@ class MissionServiceServicer(object):
     """
 
     def PlanMission(self, request, context):
-        """A dry run: nothing is sent to the autopilot. Checks each item, and the way against the geofence, the floor and the
+        """A dry run: nothing is sent to the autopilot. Checks each item, and the path against the geofence, the floor and the
         ceiling. Errors: INVALID_ARGUMENT (the autopilot would ignore an item, or read it otherwise; the metadata `item` names
         it), GEOFENCE, WRONG_STATE (it is not known where the UAV is).
         """
@@ -102,7 +102,7 @@ class MissionServiceServicer(object):
 
     def UploadMission(self, request, context):
         """Checks a mission as PlanMission, uploads it and reads it back. Also while the UAV is armed.
-        Errors: those of PlanMission, but not that the place of the UAV is not known; WRONG_STATE (a mission is flown).
+        Errors: those of PlanMission, but not that the position of the UAV is not known; WRONG_STATE (a mission runs).
         REJECTED_BY_AUTOPILOT: the autopilot keeps another one. LEASE_HELD, LINK_LOST, TIMEOUT.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
@@ -110,7 +110,7 @@ class MissionServiceServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def DownloadMission(self, request, context):
-        """The mission that the autopilot has, read now, whoever has uploaded it.
+        """The mission that the autopilot has, read now, by whichever program it was uploaded.
         Errors: LINK_LOST, TIMEOUT.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
@@ -136,7 +136,7 @@ class MissionServiceServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def PauseMission(self, request, context):
-        """Holds on the way, by the autopilot's own hold. Errors: WRONG_STATE (no mission of UAL is flown, or it cannot be paused).
+        """Holds in place, by the autopilot's own hold. Errors: WRONG_STATE (no mission of UAL runs, or it cannot be paused).
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -151,7 +151,7 @@ class MissionServiceServicer(object):
 
     def JumpToItem(self, request, context):
         """Flies on to another item. Ends once the autopilot says that this is its current one.
-        Errors: WRONG_STATE (no mission of UAL is flown, or it is paused, or there is no such item), INVALID_ARGUMENT (the item
+        Errors: WRONG_STATE (no mission of UAL runs, or it is paused, or there is no such item), INVALID_ARGUMENT (the item
         does not fly), TIMEOUT.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
@@ -159,7 +159,7 @@ class MissionServiceServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def GetMissionProgress(self, request, context):
-        """How far the autopilot is with its mission, whoever has started it.
+        """Progress of the autopilot's mission, by whichever program it was started.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')

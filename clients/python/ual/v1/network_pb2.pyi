@@ -93,7 +93,7 @@ class NetworkUav(google.protobuf.message.Message):
     has_tls: builtins.bool
     """Whether TLS is spoken at these addresses (but not at unix:PATH)."""
     needed_role: builtins.str
-    """The role that a caller of another computer needs to fly it: "pilot". Empty: whoever reaches it may."""
+    """The role that a caller of another computer needs to fly it: "pilot". Empty: every caller may."""
     is_watch_only: builtins.bool
     """No caller flies it: its daemon only watches."""
     @property

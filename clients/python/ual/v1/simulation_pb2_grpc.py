@@ -121,7 +121,7 @@ class SimulationServiceServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def PilotArm(self, request, context):
-        """The safety pilot arms, as with his transmitter. Refused by the autopilot as it would refuse him.
+        """The safety pilot arms, as with a transmitter. Refused by the autopilot as it would refuse the pilot.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -170,7 +170,7 @@ class SimulationServiceServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def ListFaults(self, request, context):
-        """The faults that are under way.
+        """The active faults.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')

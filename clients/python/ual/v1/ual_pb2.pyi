@@ -3,12 +3,12 @@
 isort:skip_file
 The UAV abstraction layer: one contract to fly any UAV, whatever its autopilot.
 
-This file is the manual of the interface. One daemon runs per UAV and serves `UalService`, beside the standard
+This file is the manual of the interface. One daemon runs per UAV and serves `UalService`, and the standard
 gRPC health service (NOT_SERVING while the UAV is UNINITIALIZED) and server reflection.
 
 UNITS AND AXES. SI units and radians, except latitude and longitude in degrees; a field that carries a unit ends in
 it. Axes follow REP 103: x forward, y left, z up in the body; x east, y north, z up outside. Quaternions are
-x, y, z, w. Of an orientation that is commanded only the heading (rotation about z) is flown.
+x, y, z, w. Of a commanded orientation only the heading (rotation about z) is used.
 
 FRAMES. `map` (global) -> `<ns>/odom` (static, at the home pose) -> `<ns>/base_link` (the body). An empty frame_id
 means `<ns>/odom`. More frames come from the configuration and from AddFrame.
@@ -20,14 +20,15 @@ returns when the manoeuvre has ended; with `non_blocking` it returns at once wit
 WatchTask. A new flying command replaces a running task, which ends as ABORTED; take-off and landing (that of
 ReturnToLaunch, too) cannot be replaced. If the caller of a blocking GoToWaypoint, GoToWaypointGeo, FollowPath or
 ReturnToLaunch vanishes or its deadline passes, the task is cancelled and the UAV holds its position. If the safety
-pilot takes over, the running task ends as ABORTED at once. Pause stops a running task on its way; Resume goes on.
+pilot takes over, the running task ends as ABORTED at once. Pause stops a running task before its end; Resume
+continues it.
 
 DRY RUNS. A request with `dry_run` moves nothing, begins no task and sends nothing to the autopilot. It takes every
 check of the request without it, and is refused with the same error; else its response has the `plan` of what would
 happen.
 
 ERRORS. Each error carries a `google.rpc.ErrorInfo` with domain "ual", one of the reasons below, and metadata with the
-`state` and what was needed. Of TASK_ABORTED, `by` says who or what ended it; docs/reference/errors.md lists that.
+`state` and what was needed. Of TASK_ABORTED, `by` names the cause of its end; docs/reference/errors.md lists that.
 
   reason                  gRPC status           when
   WRONG_STATE             FAILED_PRECONDITION   not allowed in the present state; the message names both
@@ -42,20 +43,21 @@ ERRORS. Each error carries a `google.rpc.ErrorInfo` with domain "ual", one of th
   TIMEOUT                 DEADLINE_EXCEEDED     the task took longer than it can take
   NOT_SUPPORTED           UNIMPLEMENTED         this backend cannot; GetInfo lists what it can
   RESOURCE_EXHAUSTED      RESOURCE_EXHAUSTED    a limit on number, size or rate is met: says which
-  LEASE_HELD              FAILED_PRECONDITION   another program holds the lease: says who, and since when
+  LEASE_HELD              FAILED_PRECONDITION   another program holds the lease: names it, and since when
   LEASE_LOST              FAILED_PRECONDITION   the lease that the call carries has ended: says why
   UNAUTHENTICATED         UNAUTHENTICATED       no or wrong credentials
   PERMISSION_DENIED       PERMISSION_DENIED     the caller, or this daemon, may not do that
 
-CALLERS. Whoever is on the daemon's own computer is a commander, unless its configuration says otherwise. Others show a
+CALLERS. A caller on the daemon's own computer is a commander, unless its configuration says otherwise. Others show a
 token (metadata `authorization: Bearer <token>`) or a TLS certificate, and have the role that belongs to it. An
 observer reads, and a pilot flies, too. A commander also arms, disarms, moves home, acts on a simulation, and takes the
 lease from others.
 
 LEASE. A program that flies may acquire a lease, and gives its id with each later call (metadata `ual-lease: <id>`).
 While it is held, flying calls without that id are refused with LEASE_HELD. A lease is optional: without one every
-pilot may fly. It ends 2 s after it was kept last. Whenever a lease begins or ends, what is under way is aborted, and the UAV
-holds its position; only a take-off or a landing goes on. Poses from outside, frames and a simulation need no lease.
+pilot may fly. It ends 2 s after it was kept last. Whenever a lease begins or ends, the running task is aborted, and
+the UAV holds its position; only a take-off or a landing goes on. Poses from outside, frames and a simulation need no
+lease.
 
 Any method, NaN, infinities, a quaternion that is no rotation, and magnitudes that cannot be meant are refused with
 INVALID_ARGUMENT before anything moves. The limits are 10,000 km, 1,000 m/s and two turns a second. A request may
@@ -94,13 +96,13 @@ class _StateEnumTypeWrapper(google.protobuf.internal.enum_type_wrapper._EnumType
     STATE_LANDED_ARMED: _State.ValueType  # 3
     """Armed, on the ground."""
     STATE_TAKING_OFF: _State.ValueType  # 4
-    """A take-off is under way."""
+    """A take-off is in progress."""
     STATE_FLYING_AUTO: _State.ValueType  # 5
     """In the air; the autopilot takes its references from this daemon."""
     STATE_FLYING_MANUAL: _State.ValueType  # 6
     """In the air; the safety pilot, or another of the autopilot's modes, flies."""
     STATE_LANDING: _State.ValueType  # 7
-    """A landing is under way."""
+    """A landing is in progress."""
 
 class State(_State, metaclass=_StateEnumTypeWrapper):
     """State of the UAV, estimated from the autopilot's data at each update: the first of these that holds."""
@@ -113,13 +115,13 @@ STATE_LANDED_DISARMED: State.ValueType  # 2
 STATE_LANDED_ARMED: State.ValueType  # 3
 """Armed, on the ground."""
 STATE_TAKING_OFF: State.ValueType  # 4
-"""A take-off is under way."""
+"""A take-off is in progress."""
 STATE_FLYING_AUTO: State.ValueType  # 5
 """In the air; the autopilot takes its references from this daemon."""
 STATE_FLYING_MANUAL: State.ValueType  # 6
 """In the air; the safety pilot, or another of the autopilot's modes, flies."""
 STATE_LANDING: State.ValueType  # 7
-"""A landing is under way."""
+"""A landing is in progress."""
 Global___State: typing_extensions.TypeAlias = State
 
 class _AltitudeReference:
@@ -159,7 +161,7 @@ class _PathHeadingEnumTypeWrapper(google.protobuf.internal.enum_type_wrapper._En
     PATH_HEADING_UNSPECIFIED: _PathHeading.ValueType  # 0
     """Taken as WAYPOINTS."""
     PATH_HEADING_WAYPOINTS: _PathHeading.ValueType  # 1
-    """Turns on the way to each waypoint's orientation."""
+    """Turns to each waypoint's orientation during the leg before it."""
     PATH_HEADING_FIXED: _PathHeading.ValueType  # 2
     """Keeps the heading that it has."""
     PATH_HEADING_ALONG_PATH: _PathHeading.ValueType  # 3
@@ -173,7 +175,7 @@ class PathHeading(_PathHeading, metaclass=_PathHeadingEnumTypeWrapper):
 PATH_HEADING_UNSPECIFIED: PathHeading.ValueType  # 0
 """Taken as WAYPOINTS."""
 PATH_HEADING_WAYPOINTS: PathHeading.ValueType  # 1
-"""Turns on the way to each waypoint's orientation."""
+"""Turns to each waypoint's orientation during the leg before it."""
 PATH_HEADING_FIXED: PathHeading.ValueType  # 2
 """Keeps the heading that it has."""
 PATH_HEADING_ALONG_PATH: PathHeading.ValueType  # 3
@@ -449,7 +451,7 @@ Global___PointStamped: typing_extensions.TypeAlias = PointStamped
 
 @typing.final
 class Twist(google.protobuf.message.Message):
-    """Linear (m/s) and angular (rad/s) velocity. Of a commanded one, linear and angular.z (turn to the left) are flown."""
+    """Linear (m/s) and angular (rad/s) velocity. Of a commanded one, linear and angular.z (turn to the left) are used."""
 
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 
@@ -696,7 +698,7 @@ class Health(google.protobuf.message.Message):
     empty: none. Take-off and recovery are refused meanwhile, unless they are forced.
     """
     held_by: builtins.str
-    """Who or what holds the control in the present mode, where it is not this daemon, in the same words; empty where that
+    """What holds the control in the present mode, where it is not this daemon, in the same words; empty where that
     is not known.
     """
     @property
@@ -781,7 +783,7 @@ class Telemetry(google.protobuf.message.Message):
 
     @property
     def reference_pose(self) -> Global___Pose:
-        """Where the UAV is told to be; set while the daemon gives references."""
+        """Commanded pose of the UAV; set while the daemon sends references."""
 
     @property
     def position_geo(self) -> Global___GeoPoint: ...
@@ -891,14 +893,14 @@ class Task(google.protobuf.message.Message):
     kind: Global___TaskKind.ValueType
     status: Global___TaskStatus.ValueType
     progress: builtins.float
-    """0 to 1, where it can be told."""
+    """0 to 1, where it is known."""
     distance_left_m: builtins.float
     waypoint_index: builtins.int
     """Of FollowPath: the waypoint it flies to, counted from 0. Of a mission: its item, counted from 0."""
     description: builtins.str
-    """What it was told to do, human-readable."""
+    """The command, human-readable."""
     is_paused: builtins.bool
-    """It runs, but Pause stopped it on its way; Resume goes on."""
+    """It runs, but Pause has stopped it; Resume continues it."""
     @property
     def elapsed(self) -> google.protobuf.duration_pb2.Duration: ...
     @property
@@ -932,8 +934,9 @@ Global___Task: typing_extensions.TypeAlias = Task
 
 @typing.final
 class Plan(google.protobuf.message.Message):
-    """Motion that a request would make, from where the UAV is (or is told to be) now. What cannot be told is not set: of a landing,
-    which the autopilot flies by itself, and of a reference. That of ReturnToLaunch ends where its landing begins.
+    """Motion that a request would make, from the present (or commanded) position of the UAV. What is not known is not set:
+    of a landing, which the autopilot flies by itself, and of a reference. That of ReturnToLaunch ends where its landing
+    begins.
     """
 
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
@@ -941,7 +944,7 @@ class Plan(google.protobuf.message.Message):
     LENGTH_M_FIELD_NUMBER: builtins.int
     DURATION_FIELD_NUMBER: builtins.int
     length_m: builtins.float
-    """The way."""
+    """The path."""
     @property
     def duration(self) -> google.protobuf.duration_pb2.Duration:
         """How long it takes in calm air."""
@@ -1024,7 +1027,7 @@ Global___Limits: typing_extensions.TypeAlias = Limits
 
 @typing.final
 class Circle(google.protobuf.message.Message):
-    """An upright cylinder, seen from above."""
+    """An upright cylinder."""
 
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 
@@ -1067,7 +1070,7 @@ class Geofence(google.protobuf.message.Message):
 
     @property
     def corners(self) -> google.protobuf.internal.containers.RepeatedCompositeFieldContainer[Global___Vector3]:
-        """The corners of a polygon in order, as seen from above; their z says nothing. None: no polygon."""
+        """The corners of a polygon in order; their z is ignored. None: no polygon."""
 
     @property
     def circle(self) -> Global___Circle:
@@ -1093,7 +1096,7 @@ Global___Geofence: typing_extensions.TypeAlias = Geofence
 
 @typing.final
 class Route(google.protobuf.message.Message):
-    """The way that is flown."""
+    """The path of the running task."""
 
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 
@@ -1104,15 +1107,16 @@ class Route(google.protobuf.message.Message):
     task_id: builtins.str
     """The task; empty where a reference leads there."""
     is_goal_moving: builtins.bool
-    """The goal moves, and so does the way to it."""
+    """The goal moves, and so does the path to it."""
     @property
     def header(self) -> Global___Header:
         """The frame of the points, `map`."""
 
     @property
     def points(self) -> google.protobuf.internal.containers.RepeatedCompositeFieldContainer[Global___Vector3]:
-        """From where the task begins to where it ends, within 0.1 m of the way where that needs no more than 2,000 points;
-        else that many points on it. Of a goal that moves: from where the UAV is told to be now to where the goal is now.
+        """From where the task begins to where it ends, within 0.1 m of the path where that needs no more than 2,000 points;
+        else that many points on it. Of a goal that moves: from the commanded position of the UAV to the present position
+        of the goal.
         """
 
     def __init__(
@@ -1171,8 +1175,8 @@ class GetInfoResponse(google.protobuf.message.Message):
     url: builtins.str
     """The autopilot's address, human-readable."""
     has_safety_pilot: builtins.bool
-    """Whether a person can take over at any time (a transmitter, a simulated pilot). Where that is not so, Abort ends take-offs
-    and landings, too.
+    """Whether a person can take over at any time (a transmitter, a simulated pilot). Where that is not so, Abort ends
+    take-offs and landings, too.
     """
     @property
     def capabilities(self) -> google.protobuf.internal.containers.RepeatedScalarFieldContainer[Global___Capability.ValueType]: ...
@@ -1371,7 +1375,7 @@ class GetRouteResponse(google.protobuf.message.Message):
     ROUTE_FIELD_NUMBER: builtins.int
     @property
     def route(self) -> Global___Route:
-        """Not set where nothing is flown whose way is known: of a landing, which the autopilot flies, or of a velocity."""
+        """Not set where no path is known: of a landing, which the autopilot flies, or of a velocity."""
 
     def __init__(
         self,

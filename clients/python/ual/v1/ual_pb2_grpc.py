@@ -207,7 +207,7 @@ class UalServiceServicer(object):
     """
 
     def GetInfo(self, request, context):
-        """Who answers: namespace, backend, autopilot, what it can do and its limits. Always answers.
+        """Identity of the UAV: namespace, backend, autopilot, capabilities and limits. Always answers.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -222,7 +222,7 @@ class UalServiceServicer(object):
 
     def StreamTelemetry(self, request, context):
         """Samples as they come, until the caller ends the stream. A caller that reads too slowly gets the newest sample and
-        is told how many it missed; it never slows down flying or other callers.
+        gets the number that it missed; it never slows down flying or other callers.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -271,7 +271,7 @@ class UalServiceServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def GetRoute(self, request, context):
-        """The way of the running task, or to the goal of SetPose in a frame that moves, in `map`. Errors: as of GetGeofence;
+        """The path of the running task, or to the goal of SetPose in a frame that moves, in `map`. Errors: as of GetGeofence;
         RESOURCE_EXHAUSTED (too many ask at once).
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
@@ -313,7 +313,7 @@ class UalServiceServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def GoToWaypoint(self, request, context):
-        """TASK. Flies a straight line to a pose, turning the shortest way in step with the motion, without overshoot.
+        """TASK. Flies a straight line to a pose, turning by the smaller angle in step with the motion, without overshoot.
         Allowed in FLYING_AUTO. Ends when position and heading are within tolerance and it is slow.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
@@ -340,7 +340,7 @@ class UalServiceServicer(object):
         where that is not known, the place where the daemon saw it take off. It keeps its heading. Where it is over home
         already, it lands without a climb. Allowed in FLYING_AUTO, and in FLYING_MANUAL where the autopilot flies by itself
         (its hold), never while the safety pilot flies nor in a failsafe. It can be replaced and cancelled until the landing
-        begins. Errors: WRONG_STATE (no home is known); GEOFENCE (home, or the way there, lies outside).
+        begins. Errors: WRONG_STATE (no home is known); GEOFENCE (home, or the path to it, lies outside).
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -363,7 +363,7 @@ class UalServiceServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def StreamSetpoints(self, request_iterator, context):
-        """The fast way for SetPose and SetVelocity: a stream of them. The first refused setpoint ends the stream with its
+        """The fast form of SetPose and SetVelocity: a stream of them. The first refused setpoint ends the stream with its
         error. When the stream ends the last reference stands, as after SetPose or SetVelocity.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
@@ -383,7 +383,7 @@ class UalServiceServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def StreamExternalPoses(self, request_iterator, context):
-        """The fast way for SetExternalPose: a stream of them. Poses that are old or jump are dropped and counted; any other
+        """The fast form of SetExternalPose: a stream of them. Poses that are old or jump are dropped and counted; any other
         refusal ends the stream with its error.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
@@ -415,7 +415,7 @@ class UalServiceServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def Pause(self, request, context):
-        """Brakes on the way of the running task and holds there. The task still runs, with `Task.is_paused`; its time limit
+        """Brakes on the path of the running task and holds there. The task still runs, with `Task.is_paused`; its time limit
         does not. For GoToWaypoint (but not to a goal that moves), GoToWaypointGeo, FollowPath and
         ReturnToLaunch until its landing begins. Allowed in FLYING_AUTO. A task that is paused already stays so.
         Errors: WRONG_STATE (no such task runs, or it cannot be paused).
@@ -425,7 +425,7 @@ class UalServiceServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def Resume(self, request, context):
-        """Goes on with a paused task, along the rest of its way. Allowed in FLYING_AUTO.
+        """Continues a paused task along the rest of its path. Allowed in FLYING_AUTO.
         Errors: WRONG_STATE (no such task runs, or it is not paused).
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
@@ -434,7 +434,8 @@ class UalServiceServicer(object):
 
     def AcquireLease(self, request, context):
         """Makes the caller the only one that flies; see LEASE above. With `take` it takes the lease from its holder, which only
-        a commander may. One who gives the id of its own lease gets that again. Errors: LEASE_HELD; PERMISSION_DENIED.
+        a commander may. A caller that sends the id of its own lease gets that lease again. Errors: LEASE_HELD;
+        PERMISSION_DENIED.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
@@ -455,7 +456,7 @@ class UalServiceServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def GetLease(self, request, context):
-        """Who holds the lease, if anybody does.
+        """The holder of the lease, if there is one.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')

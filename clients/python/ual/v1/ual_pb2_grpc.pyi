@@ -3,12 +3,12 @@
 isort:skip_file
 The UAV abstraction layer: one contract to fly any UAV, whatever its autopilot.
 
-This file is the manual of the interface. One daemon runs per UAV and serves `UalService`, beside the standard
+This file is the manual of the interface. One daemon runs per UAV and serves `UalService`, and the standard
 gRPC health service (NOT_SERVING while the UAV is UNINITIALIZED) and server reflection.
 
 UNITS AND AXES. SI units and radians, except latitude and longitude in degrees; a field that carries a unit ends in
 it. Axes follow REP 103: x forward, y left, z up in the body; x east, y north, z up outside. Quaternions are
-x, y, z, w. Of an orientation that is commanded only the heading (rotation about z) is flown.
+x, y, z, w. Of a commanded orientation only the heading (rotation about z) is used.
 
 FRAMES. `map` (global) -> `<ns>/odom` (static, at the home pose) -> `<ns>/base_link` (the body). An empty frame_id
 means `<ns>/odom`. More frames come from the configuration and from AddFrame.
@@ -20,14 +20,15 @@ returns when the manoeuvre has ended; with `non_blocking` it returns at once wit
 WatchTask. A new flying command replaces a running task, which ends as ABORTED; take-off and landing (that of
 ReturnToLaunch, too) cannot be replaced. If the caller of a blocking GoToWaypoint, GoToWaypointGeo, FollowPath or
 ReturnToLaunch vanishes or its deadline passes, the task is cancelled and the UAV holds its position. If the safety
-pilot takes over, the running task ends as ABORTED at once. Pause stops a running task on its way; Resume goes on.
+pilot takes over, the running task ends as ABORTED at once. Pause stops a running task before its end; Resume
+continues it.
 
 DRY RUNS. A request with `dry_run` moves nothing, begins no task and sends nothing to the autopilot. It takes every
 check of the request without it, and is refused with the same error; else its response has the `plan` of what would
 happen.
 
 ERRORS. Each error carries a `google.rpc.ErrorInfo` with domain "ual", one of the reasons below, and metadata with the
-`state` and what was needed. Of TASK_ABORTED, `by` says who or what ended it; docs/reference/errors.md lists that.
+`state` and what was needed. Of TASK_ABORTED, `by` names the cause of its end; docs/reference/errors.md lists that.
 
   reason                  gRPC status           when
   WRONG_STATE             FAILED_PRECONDITION   not allowed in the present state; the message names both
@@ -42,20 +43,21 @@ ERRORS. Each error carries a `google.rpc.ErrorInfo` with domain "ual", one of th
   TIMEOUT                 DEADLINE_EXCEEDED     the task took longer than it can take
   NOT_SUPPORTED           UNIMPLEMENTED         this backend cannot; GetInfo lists what it can
   RESOURCE_EXHAUSTED      RESOURCE_EXHAUSTED    a limit on number, size or rate is met: says which
-  LEASE_HELD              FAILED_PRECONDITION   another program holds the lease: says who, and since when
+  LEASE_HELD              FAILED_PRECONDITION   another program holds the lease: names it, and since when
   LEASE_LOST              FAILED_PRECONDITION   the lease that the call carries has ended: says why
   UNAUTHENTICATED         UNAUTHENTICATED       no or wrong credentials
   PERMISSION_DENIED       PERMISSION_DENIED     the caller, or this daemon, may not do that
 
-CALLERS. Whoever is on the daemon's own computer is a commander, unless its configuration says otherwise. Others show a
+CALLERS. A caller on the daemon's own computer is a commander, unless its configuration says otherwise. Others show a
 token (metadata `authorization: Bearer <token>`) or a TLS certificate, and have the role that belongs to it. An
 observer reads, and a pilot flies, too. A commander also arms, disarms, moves home, acts on a simulation, and takes the
 lease from others.
 
 LEASE. A program that flies may acquire a lease, and gives its id with each later call (metadata `ual-lease: <id>`).
 While it is held, flying calls without that id are refused with LEASE_HELD. A lease is optional: without one every
-pilot may fly. It ends 2 s after it was kept last. Whenever a lease begins or ends, what is under way is aborted, and the UAV
-holds its position; only a take-off or a landing goes on. Poses from outside, frames and a simulation need no lease.
+pilot may fly. It ends 2 s after it was kept last. Whenever a lease begins or ends, the running task is aborted, and
+the UAV holds its position; only a take-off or a landing goes on. Poses from outside, frames and a simulation need no
+lease.
 
 Any method, NaN, infinities, a quaternion that is no rotation, and magnitudes that cannot be meant are refused with
 INVALID_ARGUMENT before anything moves. The limits are 10,000 km, 1,000 m/s and two turns a second. A request may
@@ -888,14 +890,14 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
     ], channel: grpc.aio.Channel) -> None: ...
 
     GetInfo: _UalServiceGetInfoType
-    """Who answers: namespace, backend, autopilot, what it can do and its limits. Always answers."""
+    """Identity of the UAV: namespace, backend, autopilot, capabilities and limits. Always answers."""
 
     GetTelemetry: _UalServiceGetTelemetryType
     """The newest sample of everything known. Always answers; what is unknown is not set."""
 
     StreamTelemetry: _UalServiceStreamTelemetryType
     """Samples as they come, until the caller ends the stream. A caller that reads too slowly gets the newest sample and
-    is told how many it missed; it never slows down flying or other callers.
+    gets the number that it missed; it never slows down flying or other callers.
     """
 
     GetTransform: _UalServiceGetTransformType
@@ -925,7 +927,7 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
     """
 
     GetRoute: _UalServiceGetRouteType
-    """The way of the running task, or to the goal of SetPose in a frame that moves, in `map`. Errors: as of GetGeofence;
+    """The path of the running task, or to the goal of SetPose in a frame that moves, in `map`. Errors: as of GetGeofence;
     RESOURCE_EXHAUSTED (too many ask at once).
     """
 
@@ -951,7 +953,7 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
     """
 
     GoToWaypoint: _UalServiceGoToWaypointType
-    """TASK. Flies a straight line to a pose, turning the shortest way in step with the motion, without overshoot.
+    """TASK. Flies a straight line to a pose, turning by the smaller angle in step with the motion, without overshoot.
     Allowed in FLYING_AUTO. Ends when position and heading are within tolerance and it is slow.
     """
 
@@ -968,7 +970,7 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
     where that is not known, the place where the daemon saw it take off. It keeps its heading. Where it is over home
     already, it lands without a climb. Allowed in FLYING_AUTO, and in FLYING_MANUAL where the autopilot flies by itself
     (its hold), never while the safety pilot flies nor in a failsafe. It can be replaced and cancelled until the landing
-    begins. Errors: WRONG_STATE (no home is known); GEOFENCE (home, or the way there, lies outside).
+    begins. Errors: WRONG_STATE (no home is known); GEOFENCE (home, or the path to it, lies outside).
     """
 
     SetPose: _UalServiceSetPoseType
@@ -982,7 +984,7 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
     """
 
     StreamSetpoints: _UalServiceStreamSetpointsType
-    """The fast way for SetPose and SetVelocity: a stream of them. The first refused setpoint ends the stream with its
+    """The fast form of SetPose and SetVelocity: a stream of them. The first refused setpoint ends the stream with its
     error. When the stream ends the last reference stands, as after SetPose or SetVelocity.
     """
 
@@ -996,7 +998,7 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
     """
 
     StreamExternalPoses: _UalServiceStreamExternalPosesType
-    """The fast way for SetExternalPose: a stream of them. Poses that are old or jump are dropped and counted; any other
+    """The fast form of SetExternalPose: a stream of them. Poses that are old or jump are dropped and counted; any other
     refusal ends the stream with its error.
     """
 
@@ -1014,20 +1016,21 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
     """Cancels the running task, or the reference of SetPose and SetVelocity, and stops. Allowed in FLYING_AUTO."""
 
     Pause: _UalServicePauseType
-    """Brakes on the way of the running task and holds there. The task still runs, with `Task.is_paused`; its time limit
+    """Brakes on the path of the running task and holds there. The task still runs, with `Task.is_paused`; its time limit
     does not. For GoToWaypoint (but not to a goal that moves), GoToWaypointGeo, FollowPath and
     ReturnToLaunch until its landing begins. Allowed in FLYING_AUTO. A task that is paused already stays so.
     Errors: WRONG_STATE (no such task runs, or it cannot be paused).
     """
 
     Resume: _UalServiceResumeType
-    """Goes on with a paused task, along the rest of its way. Allowed in FLYING_AUTO.
+    """Continues a paused task along the rest of its path. Allowed in FLYING_AUTO.
     Errors: WRONG_STATE (no such task runs, or it is not paused).
     """
 
     AcquireLease: _UalServiceAcquireLeaseType
     """Makes the caller the only one that flies; see LEASE above. With `take` it takes the lease from its holder, which only
-    a commander may. One who gives the id of its own lease gets that again. Errors: LEASE_HELD; PERMISSION_DENIED.
+    a commander may. A caller that sends the id of its own lease gets that lease again. Errors: LEASE_HELD;
+    PERMISSION_DENIED.
     """
 
     KeepLease: _UalServiceKeepLeaseType
@@ -1037,7 +1040,7 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
     """Ends a lease. Nothing happens where it has ended before."""
 
     GetLease: _UalServiceGetLeaseType
-    """Who holds the lease, if anybody does."""
+    """The holder of the lease, if there is one."""
 
     GetTask: _UalServiceGetTaskType
     """A task by its id, running or ended lately. Errors: INVALID_ARGUMENT (no such task)."""
@@ -1189,7 +1192,7 @@ class UalServiceServicer(metaclass=abc.ABCMeta):
         request: ual.v1.ual_pb2.GetInfoRequest,
         context: _ServicerContext,
     ) -> typing.Union[ual.v1.ual_pb2.GetInfoResponse, collections.abc.Awaitable[ual.v1.ual_pb2.GetInfoResponse]]:
-        """Who answers: namespace, backend, autopilot, what it can do and its limits. Always answers."""
+        """Identity of the UAV: namespace, backend, autopilot, capabilities and limits. Always answers."""
 
     @abc.abstractmethod
     def GetTelemetry(
@@ -1206,7 +1209,7 @@ class UalServiceServicer(metaclass=abc.ABCMeta):
         context: _ServicerContext,
     ) -> typing.Union[collections.abc.Iterator[ual.v1.ual_pb2.StreamTelemetryResponse], collections.abc.AsyncIterator[ual.v1.ual_pb2.StreamTelemetryResponse]]:
         """Samples as they come, until the caller ends the stream. A caller that reads too slowly gets the newest sample and
-        is told how many it missed; it never slows down flying or other callers.
+        gets the number that it missed; it never slows down flying or other callers.
         """
 
     @abc.abstractmethod
@@ -1266,7 +1269,7 @@ class UalServiceServicer(metaclass=abc.ABCMeta):
         request: ual.v1.ual_pb2.GetRouteRequest,
         context: _ServicerContext,
     ) -> typing.Union[ual.v1.ual_pb2.GetRouteResponse, collections.abc.Awaitable[ual.v1.ual_pb2.GetRouteResponse]]:
-        """The way of the running task, or to the goal of SetPose in a frame that moves, in `map`. Errors: as of GetGeofence;
+        """The path of the running task, or to the goal of SetPose in a frame that moves, in `map`. Errors: as of GetGeofence;
         RESOURCE_EXHAUSTED (too many ask at once).
         """
 
@@ -1317,7 +1320,7 @@ class UalServiceServicer(metaclass=abc.ABCMeta):
         request: ual.v1.ual_pb2.GoToWaypointRequest,
         context: _ServicerContext,
     ) -> typing.Union[ual.v1.ual_pb2.GoToWaypointResponse, collections.abc.Awaitable[ual.v1.ual_pb2.GoToWaypointResponse]]:
-        """TASK. Flies a straight line to a pose, turning the shortest way in step with the motion, without overshoot.
+        """TASK. Flies a straight line to a pose, turning by the smaller angle in step with the motion, without overshoot.
         Allowed in FLYING_AUTO. Ends when position and heading are within tolerance and it is slow.
         """
 
@@ -1349,7 +1352,7 @@ class UalServiceServicer(metaclass=abc.ABCMeta):
         where that is not known, the place where the daemon saw it take off. It keeps its heading. Where it is over home
         already, it lands without a climb. Allowed in FLYING_AUTO, and in FLYING_MANUAL where the autopilot flies by itself
         (its hold), never while the safety pilot flies nor in a failsafe. It can be replaced and cancelled until the landing
-        begins. Errors: WRONG_STATE (no home is known); GEOFENCE (home, or the way there, lies outside).
+        begins. Errors: WRONG_STATE (no home is known); GEOFENCE (home, or the path to it, lies outside).
         """
 
     @abc.abstractmethod
@@ -1378,7 +1381,7 @@ class UalServiceServicer(metaclass=abc.ABCMeta):
         request_iterator: _MaybeAsyncIterator[ual.v1.ual_pb2.StreamSetpointsRequest],
         context: _ServicerContext,
     ) -> typing.Union[ual.v1.ual_pb2.StreamSetpointsResponse, collections.abc.Awaitable[ual.v1.ual_pb2.StreamSetpointsResponse]]:
-        """The fast way for SetPose and SetVelocity: a stream of them. The first refused setpoint ends the stream with its
+        """The fast form of SetPose and SetVelocity: a stream of them. The first refused setpoint ends the stream with its
         error. When the stream ends the last reference stands, as after SetPose or SetVelocity.
         """
 
@@ -1402,7 +1405,7 @@ class UalServiceServicer(metaclass=abc.ABCMeta):
         request_iterator: _MaybeAsyncIterator[ual.v1.ual_pb2.StreamExternalPosesRequest],
         context: _ServicerContext,
     ) -> typing.Union[ual.v1.ual_pb2.StreamExternalPosesResponse, collections.abc.Awaitable[ual.v1.ual_pb2.StreamExternalPosesResponse]]:
-        """The fast way for SetExternalPose: a stream of them. Poses that are old or jump are dropped and counted; any other
+        """The fast form of SetExternalPose: a stream of them. Poses that are old or jump are dropped and counted; any other
         refusal ends the stream with its error.
         """
 
@@ -1440,7 +1443,7 @@ class UalServiceServicer(metaclass=abc.ABCMeta):
         request: ual.v1.ual_pb2.PauseRequest,
         context: _ServicerContext,
     ) -> typing.Union[ual.v1.ual_pb2.PauseResponse, collections.abc.Awaitable[ual.v1.ual_pb2.PauseResponse]]:
-        """Brakes on the way of the running task and holds there. The task still runs, with `Task.is_paused`; its time limit
+        """Brakes on the path of the running task and holds there. The task still runs, with `Task.is_paused`; its time limit
         does not. For GoToWaypoint (but not to a goal that moves), GoToWaypointGeo, FollowPath and
         ReturnToLaunch until its landing begins. Allowed in FLYING_AUTO. A task that is paused already stays so.
         Errors: WRONG_STATE (no such task runs, or it cannot be paused).
@@ -1452,7 +1455,7 @@ class UalServiceServicer(metaclass=abc.ABCMeta):
         request: ual.v1.ual_pb2.ResumeRequest,
         context: _ServicerContext,
     ) -> typing.Union[ual.v1.ual_pb2.ResumeResponse, collections.abc.Awaitable[ual.v1.ual_pb2.ResumeResponse]]:
-        """Goes on with a paused task, along the rest of its way. Allowed in FLYING_AUTO.
+        """Continues a paused task along the rest of its path. Allowed in FLYING_AUTO.
         Errors: WRONG_STATE (no such task runs, or it is not paused).
         """
 
@@ -1463,7 +1466,8 @@ class UalServiceServicer(metaclass=abc.ABCMeta):
         context: _ServicerContext,
     ) -> typing.Union[ual.v1.ual_pb2.AcquireLeaseResponse, collections.abc.Awaitable[ual.v1.ual_pb2.AcquireLeaseResponse]]:
         """Makes the caller the only one that flies; see LEASE above. With `take` it takes the lease from its holder, which only
-        a commander may. One who gives the id of its own lease gets that again. Errors: LEASE_HELD; PERMISSION_DENIED.
+        a commander may. A caller that sends the id of its own lease gets that lease again. Errors: LEASE_HELD;
+        PERMISSION_DENIED.
         """
 
     @abc.abstractmethod
@@ -1488,7 +1492,7 @@ class UalServiceServicer(metaclass=abc.ABCMeta):
         request: ual.v1.ual_pb2.GetLeaseRequest,
         context: _ServicerContext,
     ) -> typing.Union[ual.v1.ual_pb2.GetLeaseResponse, collections.abc.Awaitable[ual.v1.ual_pb2.GetLeaseResponse]]:
-        """Who holds the lease, if anybody does."""
+        """The holder of the lease, if there is one."""
 
     @abc.abstractmethod
     def GetTask(
