@@ -54,7 +54,7 @@ SHOTS: dict[str, tuple[Shot, Shot]] = {
 
 
 class Car:
-    """A car on a circle, and its frame in the trees of those who film it."""
+    """A car on a circle, and its frame in the trees of the UAVs that film it."""
 
     def __init__(self) -> None:
         self.is_parked = False

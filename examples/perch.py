@@ -2,9 +2,9 @@
 
 ``python -m examples.perch uav_1 --pipe 4 0 1 --arm --plot perch.svg``
 
-The pipe is a frame, y along it; ``--pipe X Y Z`` says where it is in map. Who sees it move (a camera, a motion capture)
-moves the frame by `add_frame`, in any program. The UAV comes down within a cone above it. Near the pipe, a step aside
-breaks off: it climbs, and tries again. A real UAV rests on the pipe; this one hovers where it would.
+The pipe is a frame, y along it; ``--pipe X Y Z`` says where it is in map. A program that observes the pipe (by a
+camera, by motion capture) moves the frame by `add_frame`. The UAV comes down within a cone above it. Near the pipe, a
+step aside breaks off: it climbs, and tries again. A real UAV rests on the pipe; this one hovers where it would.
 """
 
 from __future__ import annotations

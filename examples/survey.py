@@ -42,7 +42,7 @@ class Surveyor:
         self._zone = zone
         self.height_m = LOWEST_M + LAYER_M * index
         self._south_m, self._north_m = FIELD_M[1] * index / count, FIELD_M[1] * (index + 1) / count
-        # Those who wait stand apart from each other, on the side of the field.
+        # Waiting UAVs stand apart from each other, on the side of the field.
         angle = math.pi * (index + 1) / (count + 1)
         self._gate = (
             ZONE.x + (ZONE_RADIUS_M + 1.0) * math.cos(angle),

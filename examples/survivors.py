@@ -20,7 +20,7 @@ LOWEST_M, LAYER_M = 2.0, 1.0
 
 
 class Lanes:
-    """The lanes of the field, and who flies which."""
+    """The lanes of the field, and the UAV of each."""
 
     def __init__(self, count: int) -> None:
         self.flown: dict[int, str] = {}
@@ -71,7 +71,7 @@ async def work(name: str, uav: ual.aio.Uav, height_m: float, lanes: Lanes) -> No
 
 
 async def survey(names: list[str], count: int, *, is_arming: bool, tracks: Tracks) -> dict[int, str]:
-    """Returns who has flown which lane.
+    """Returns the UAV of each lane that was flown.
 
     Raises:
         RuntimeError: All are lost, and lanes are left.

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 LIMIT_S = waiting.LIMIT_S
 TIMES_TO_BEGIN_S = (0.3, 3.0, 30.0)
-"""A caller's time limits that are to pass once his command has begun; a busy machine needs the longer ones."""
+"""A caller's time limits that are to pass once the command has begun; a busy machine needs the longer ones."""
 
 # The tests start some hundred processes. Where Python may not keep what it has compiled, each would compile UAL anew.
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)

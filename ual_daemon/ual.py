@@ -530,7 +530,7 @@ def _check(ns: str, settings: VehicleSettings | None) -> None:
 
 
 def _warn_of_unknown_variables() -> None:
-    """Warns of a misspelled variable: whoever set it expects something of it."""
+    """Warns of a misspelled variable: its user expects an effect."""
     if mistake := environment.mistake_in(os.environ):
         logs.event(_log, logging.WARNING, "unknown_variable", why=mistake, effect="none: the class reads no variables")
 

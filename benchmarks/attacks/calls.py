@@ -28,7 +28,7 @@ _CORNERS = 10_000
 _LEVELS = 32
 _MOST_BYTES = 4 << 20
 _NAMES = tuple(method.name for method in pb.DESCRIPTOR.services_by_name["UalService"].methods if method.name != "Land")
-"""Without the one that lands the UAV, as whoever reaches the port may: an empty request is a valid one."""
+"""Without the one that lands the UAV, as every client of the port may: an empty request is a valid one."""
 
 
 class AttackTarget:

@@ -2,7 +2,7 @@
 
 Each attack is a function of the host, the port and an event. It floods until the event is set, and returns how often
 it did what it does. The program floods until its standard input ends, and prints that number. So it can run in a
-process of its own, and takes no time of Python from who measures.
+process of its own, and takes no time of Python from the measurement.
 """
 
 from __future__ import annotations

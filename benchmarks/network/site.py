@@ -1,4 +1,4 @@
-"""A site for a measurement: its certificates and files, its routers and who listens, as processes."""
+"""A site for a measurement: its certificates and files, its routers and listeners, as processes."""
 
 from __future__ import annotations
 
@@ -63,6 +63,6 @@ class Site:
         return self._stack.enter_context(router.start(file, self.lan.prefix(name)))
 
     def listener(self) -> Child:
-        """Starts who listens, beside the second router."""
+        """Starts the listeners, next to the second router."""
         arguments = ("benchmarks.network.listener", self.config("observer"))
         return self._stack.enter_context(Child(*arguments, prefix=self.lan.prefix(ROUTERS[1])))

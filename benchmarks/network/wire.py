@@ -1,4 +1,4 @@
-"""Many UAVs on the wire alone: twenty processes that tell from recorded telemetry, one router, one who listens."""
+"""Many UAVs on the wire alone: twenty processes that tell from recorded telemetry, one router, one listener."""
 
 from __future__ import annotations
 

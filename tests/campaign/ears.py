@@ -68,7 +68,7 @@ _FTP_OPCODE_AT = 6
 session.
 """
 _READING = frozenset({0, 1, 2, 3, 4, 5, 14, 15})
-"""The opcodes of file transfers that only read: a download that was begun goes on whoever flies."""
+"""The opcodes of file transfers that only read: a download that was begun goes on in every mode."""
 _ASKING = frozenset({mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_CMD_REQUEST_MESSAGE})
 _NAMES = {
     mavlink.MAV_CMD_COMPONENT_ARM_DISARM: "arm",

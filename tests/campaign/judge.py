@@ -240,7 +240,7 @@ def _silence_s(times: Sequence[float], time_s: float) -> float:
 
 
 def who_took_it_is_reported(case: Case) -> Iterator[Breach]:
-    """A task ends within a second of the take-over, and names who took the vehicle where only one can have done it."""
+    """A task ends within a second of the take-over, and names what took the vehicle where only one can have done it."""
     record = case.record
     for taken_s in case.taken_s:
         if known_since_s(record, taken_s + ENDED_S, 0.0) < taken_s + ENDED_S:

@@ -46,7 +46,7 @@ def _regularly(period_s: float, do: Callable[[], object]) -> None:
 
 
 def _stubborn() -> None:
-    """Repeats its last setpoint for ever, whoever flies."""
+    """Repeats its last setpoint for ever, also in modes of others."""
     last: list[Callable[[], object]] = []
 
     def make(send: Callable[..., None]) -> object:
@@ -67,7 +67,7 @@ def _blind() -> None:
 
 
 def _holder(cause: Cause) -> Callable[[], None]:
-    """Whoever has taken it, that is whom it names."""
+    """It names this cause, whatever took the vehicle."""
 
     def make(held_by: Callable[..., Cause | None]) -> object:
         return lambda *args, **values: None if held_by(*args, **values) is None else cause

@@ -47,7 +47,7 @@ def test_what_comes_in_order_is_reported() -> None:
 
 
 def test_a_download_of_a_file_or_a_log_changes_nothing() -> None:
-    """A download that was begun goes on whoever flies. It counted as sending after a take-over."""
+    """A download that was begun goes on in every mode. It counted as sending after a take-over."""
     record, sender = Record("px4"), mavlink.MAVLink(None, srcSystem=250, srcComponent=191)
     ears = Ears(record, Origin(47.0, 8.0, 500.0))
     for opcode in (mavlink.MAV_FTP_OPCODE_READFILE, mavlink.MAV_FTP_OPCODE_BURSTREADFILE):

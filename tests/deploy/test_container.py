@@ -137,7 +137,9 @@ def test_it_is_healthy_while_its_uav_has_an_autopilot(runtime_dir: Path) -> None
 
 
 def test_the_file_of_a_user_is_read_next_to_what_another_user_has_left(runtime_dir: Path) -> None:
-    """A killed daemon's registration is another user's, who alone may remove it: the next one has its user's number."""
+    """A killed daemon's registration is another user's, and only that user may remove it: the next one has its user's
+    number.
+    """
     environment = daemon_environment(runtime_dir)
     daemon = DaemonProcess(("--listen", "127.0.0.1:0"), "uav_1", environment)
     try:

@@ -57,7 +57,7 @@ def start_gateway(tmp_path: Path) -> Iterator[StartGateway]:
             assert "127.0.0.1:50050" in text
             (tmp_path / "nginx.conf").write_text(change(text).replace("127.0.0.1:50050", address))
             (tmp_path / "uavs.map").write_text("".join(f"{ns} {where};\n" for ns, where in uavs.items()))
-            # Started by root, its workers would be somebody who may not open the test's sockets.
+            # Started by root, its workers would run as a user that may not open the test's sockets.
             user = "user root; " if os.geteuid() == 0 else ""
             nginx = subprocess.Popen(
                 [NGINX, "-p", str(tmp_path), "-c", "nginx.conf", "-g", f"{user}daemon off;"],

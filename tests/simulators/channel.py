@@ -1,4 +1,4 @@
-"""One link of an autopilot: which messages are streamed on it, how often, and who listens."""
+"""One link of an autopilot: which messages are streamed on it, how often, and the listeners."""
 
 from __future__ import annotations
 

@@ -375,7 +375,7 @@ class Psdk(Front):
 
 
 class _Osdk(Front):
-    """Topics of both nodes of dji_osdk_ros. Nothing says who has the control authority."""
+    """Topics of both nodes of dji_osdk_ros. Nothing reports the holder of the control authority."""
 
     prefix = "/dji_osdk_ros/"
 

@@ -31,7 +31,7 @@ def url(simulator: Simulator) -> str:
 
 @pytest.fixture(scope="session")
 def pilot(simulator: Simulator) -> Iterator[Transmitter]:
-    """The safety pilot, for the whole session: PX4 talks to the first one only, and without him both return home."""
+    """The safety pilot of the whole session: PX4 talks to the first one only; without the pilot both return home."""
     host, port = address_of(simulator.pilot_url())
     be_first_client(simulator.url())
     wait_for_port(simulator.pilot_url())
@@ -73,7 +73,7 @@ def wait_for_port(url: str, limit_s: float = 10.0) -> None:
 
 @pytest.fixture
 def wiretap(url: str) -> Iterator[Wiretap]:
-    """Between the autopilot and whoever flies it at `Wiretap.url`."""
+    """Between the autopilot and the program that flies it at `Wiretap.url`."""
     wiretap = Wiretap(url)
     yield wiretap
     wiretap.close()

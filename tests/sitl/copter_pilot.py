@@ -27,8 +27,8 @@ _STREAMS = {
 
 class CopterPilot(Transmitter):
     """Holds the transmitter: throttle low on the ground, in the middle in the air. The switch of the flight mode is
-    channel 5, as ``copter.parm`` of ArduPilot's tests has it, with GUIDED (``FLTMODE4 4``) where nobody takes over. He
-    flies in LOITER.
+    channel 5, as ``copter.parm`` of ArduPilot's tests has it, with GUIDED (``FLTMODE4 4``) where nobody takes over. The
+    pilot flies in LOITER.
 
     `port` is one of the simulator's TCP ports for ground stations (5762 + 10 * instance). `sticks_port` is where the
     simulator hears the transmitter (None: 5501 + 10 * instance).

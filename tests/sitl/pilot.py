@@ -16,8 +16,8 @@ _HEARTBEATS = 20  # one in so many times of the sticks: 1 Hz
 
 
 class SafetyPilot(Transmitter):
-    """Holds the transmitter: sticks at 20 Hz, without which PX4 counts manual control as lost and returns home. He
-    flies in POSCTL.
+    """Holds the transmitter: sticks at 20 Hz, without which PX4 counts manual control as lost and returns home. The
+    pilot flies in POSCTL.
 
     `port` is PX4's ground-station link (18570 + instance). PX4 answers for good to the port that it first heard
     there, so it is always the same: 100 above. `local_port` is another, where many are flown (0: any).
@@ -55,7 +55,7 @@ class SafetyPilot(Transmitter):
         self._is_heard = True
 
     def stand_by(self) -> None:
-        """His switch is a button of the ground station, which he can press again."""
+        """The switch is a button of the ground station, which can be pressed again."""
 
     def _fly_by_hand(self) -> None:
         if self.mode != POSCTL:

@@ -24,7 +24,7 @@ POSITION_ONLY = 0b110111111000
 
 @pytest.fixture
 def flight(flight: Flight, pilot: Transmitter) -> Iterator[Flight]:
-    """Whoever flies it at the end of a test, it lands."""
+    """It lands at the end of a test in any case."""
     yield flight
     pilot.sticks = Sticks()
     if flight.uav.state() is State.FLYING_MANUAL:

@@ -31,7 +31,7 @@ KNOWN_S = 2.0
 DEAD_S = (0.0, 1.5, 4.0)
 """Seconds without a daemon: PX4 leaves OFFBOARD after 1 s, ArduPilot stops after 3."""
 PILOT_HEARS_S = 2.0
-"""By then the pilot has heard of a mode, of which PX4 tells him once a second: it may just be leaving OFFBOARD."""
+"""By then the pilot knows a mode, which PX4 reports once a second: it may just be leaving OFFBOARD."""
 
 
 @pytest.fixture

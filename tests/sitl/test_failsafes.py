@@ -31,7 +31,7 @@ LATE_S = 1.0
 
 @pytest.fixture
 def flight(flight: Flight) -> Iterator[Flight]:
-    """Whoever flies it at the end of a test, it lands."""
+    """It lands at the end of a test in any case."""
     yield flight
     flight.wait_for(flight.uav.is_ready, "a state")
     flight.wait_for(lambda: is_taken_back(flight), "the control")

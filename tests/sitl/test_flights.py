@@ -20,7 +20,7 @@ from ual_daemon import UAL
 pytestmark = [pytest.mark.sitl, pytest.mark.timeout(240)]
 
 TAKEN_S = 0.5
-"""By then the task must have ended, after the pilot flipped his switch."""
+"""By then the task must have ended, after the pilot flipped the switch."""
 LOST_S = 2.0
 """Within this a silence is a lost link, and a link that is back shows how the UAV is."""
 WATCHED_S = 2.0

@@ -114,7 +114,7 @@ def test_the_pilot_takes_over_again_and_again_and_nothing_is_sent_after(
     backend, uav = counting
     assert uav.simulation is not None
     uav.simulation.pilot_arm()
-    until_state(uav, State.LANDED_ARMED)  # he sees it before we do: MAVROS tells it at its own rate
+    until_state(uav, State.LANDED_ARMED)  # the pilot sees it before we do: MAVROS reports it at its own rate
     uav.take_off(4.0)
     for number in range(TIMES):
         uav.go_to_waypoint(Pose.at(8.0 * (number % 2), 0.0, 4.0), blocking=False)

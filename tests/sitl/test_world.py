@@ -32,7 +32,7 @@ WIDE_M = 150.0
 BRAKES_S = 4.0
 WANTED_M, MOVED_M = 9.0, 6.0
 WORDS_S = 2.0
-"""Within this time it is known who changed the mode."""
+"""Within this time it is known what changed the mode."""
 NO_WAY_S = 10.0
 OUT_M, HALF_M = 18.0, 15.0
 POLYGONS, ALL_KINDS = 4.0, 7.0

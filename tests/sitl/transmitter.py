@@ -74,7 +74,7 @@ class Transmitter(ABC):
 
     @abstractmethod
     def take_over(self) -> None:
-        """Flips the mode switch to where he flies, and returns at once."""
+        """Flips the mode switch to the pilot's mode, and returns at once."""
 
     def arm(self) -> None:
         self._order(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (1.0,), lambda: self.is_armed, "armed")
@@ -173,9 +173,9 @@ class Transmitter(ABC):
 
     @abstractmethod
     def stand_by(self) -> None:
-        """Moves his switch to where it must stand before he can take over again, as he does when he has seen that
-        control was recovered. Where programs fly by a position of the switch, that gives control back. Returns when the
-        autopilot has surely seen it.
+        """Moves the switch to its position before the next take-over, as a pilot does once control was recovered. Where
+        programs fly by a position of the switch, that gives control back. Returns when the autopilot has surely seen
+        it.
         """
 
     @abstractmethod

@@ -127,7 +127,8 @@ def test_the_stream_is_read_and_others_called_back_however_many_callbacks_do_not
     source.put(sample(1))
     with uav.subscribe(stuck), uav.subscribe(stuck), uav.subscribe(stuck), uav.subscribe(received):
         numbers = itertools.count(2)
-        for _ in range(3):  # a sample may find one of them, who keeps it from those behind him until the next one comes
+        # A sample may find one of them, which keeps it from those behind it until the next one comes.
+        for _ in range(3):
             while not stuck_count.acquire(timeout=2.0 * SLOW_S):
                 source.put(sample(next(numbers)))
         for _ in range(30):

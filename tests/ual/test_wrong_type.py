@@ -239,7 +239,7 @@ def test_an_address_instead_of_a_name_is_refused(make: Callable[..., object]) ->
         make(50051)
     with pytest.raises(ual.InvalidArgumentError, match="50051 is not an address; write HOST:PORT"):
         make(address=50051)
-    # gRPC takes a port modulo 65536: 84515 is 18979, whoever is there.
+    # gRPC takes a port modulo 65536: 84515 is 18979, whatever listens there.
     with pytest.raises(ual.InvalidArgumentError, match=r"the port of '127.0.0.1:84515' is not from 1 to 65535"):
         make(address="127.0.0.1:84515")
     with pytest.raises(ual.InvalidArgumentError, match=r"the port of '\[::1\]:0' is not"):

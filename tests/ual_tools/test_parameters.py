@@ -1,4 +1,4 @@
-"""`ual param`, the clients and the service, with a real daemon and a simulated PX4: who may, and what they get."""
+"""`ual param`, the clients and the service, with a real daemon and a simulated PX4: the roles, and the results."""
 
 from __future__ import annotations
 

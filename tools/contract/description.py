@@ -27,7 +27,7 @@ def services(contract: FileDescriptorSet) -> list[ContractService]:
     """Returns the services, that of the UAV first.
 
     Raises:
-        SystemExit: A method does not say who may call it, or two have one name.
+        SystemExit: A method does not say which role may call it, or two have one name.
 
     """
     options = Options(contract)

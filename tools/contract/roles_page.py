@@ -1,4 +1,4 @@
-"""Writes the table of ``docs/evidence/security.md``: who may call each method, and which of them need the lease."""
+"""Writes the table of ``docs/evidence/security.md``: the role of each method, and whether it needs the lease."""
 
 from __future__ import annotations
 

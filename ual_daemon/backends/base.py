@@ -99,8 +99,8 @@ class Backend(ABC):
     clock: Clock
     freshness: Freshness = Freshness()
     outlived: bool = False
-    """Whether its vehicles live on without it, and say who they are (`VehicleInfo.identity`): home is then kept for the
-    next daemon. A simulation's world ends with it.
+    """Whether its vehicles live on without it, and report their identity (`VehicleInfo.identity`): home is then kept
+    for the next daemon. A simulation's world ends with it.
     """
 
     has_packets: bool = False
@@ -262,7 +262,7 @@ class Backend(ABC):
         return time.time()
 
     def link(self) -> LinkReport:
-        """Returns how the link to the autopilot has been of late, for those who watch the daemon (``--metrics``)."""
+        """Returns how the link to the autopilot has been of late, for monitoring (``--metrics``)."""
         return LinkReport()
 
     def safety_pilot(self) -> SafetyPilot | None:

@@ -51,7 +51,7 @@ def then_wait(first: Future[S], step: Callable[[S], Future[T]]) -> Future[T]:
 
 
 def shared(first: Future[T]) -> Future[T]:
-    """Returns a future that ends as another one, for one of several who wait for it: cancelling it leaves that one."""
+    """Returns a future that ends as another one, for one of several waiters: cancelling it leaves that one."""
     result: Future[T] = Future()
     first.add_done_callback(lambda ended: _end_as(ended, result))
     return result

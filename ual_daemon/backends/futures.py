@@ -58,7 +58,7 @@ class OpenFutures:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        # Weak: those of commands that others have replaced stay open, and are forgotten with the last who waits.
+        # Weak: those of commands that others have replaced stay open, and are forgotten with the last waiter.
         self._open: WeakKeyDictionary[Future[Any], str] = WeakKeyDictionary()
         self._is_closed = False
 

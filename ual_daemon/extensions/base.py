@@ -39,7 +39,7 @@ class ExtensionContext:
     """Context of an extension.
 
     Args:
-        uav: The UAV in this process, to read, to subscribe to and to command. It is closed by whoever has opened it.
+        uav: The UAV in this process, to read, to subscribe to and to command. It is closed by its opener.
         settings: Its section of the configuration, ``extensions.NAME``.
         require_lease: Checks that a call may move things: raises `LeaseHeldError` while another program holds the lease
             of the UAV. To be called by whatever moves, with the name of the command and, in a service, with

@@ -43,7 +43,7 @@ class Explanation:
         return replace(found, why=found.why + silence) if silence else found
 
     def taken(self, found: Estimate, snapshot: Snapshot) -> Estimate:
-        """Returns the same. Its reason says who took the UAV from UAL where the mode does not tell."""
+        """Returns the same. Its reason says what took the UAV from UAL where the mode does not tell."""
         taken = self._authority.taken
         if found.state is not State.FLYING_MANUAL or snapshot.control.held_by is not None or not taken:
             return found

@@ -435,7 +435,7 @@ class Flight:
     ) -> Ending | None:
         """Decides as `_begins` does, but refuses a command where others have just taken the UAV from a mission.
 
-        UAL sends nothing in their mode, and who took it is told later.
+        UAL sends nothing in their mode, and what took it is reported later.
         """
         is_of_mission = old is not None and bool(old.mission or old.stops_mission)
         if old is not None and is_of_mission and not new.overrules_nobody and old.is_overtaken(snapshot):
@@ -676,7 +676,8 @@ class Flight:
             # A take-off watches its way by itself: on the ground the estimate is not the place.
             current = None if manoeuvre is None or is_taking_off else manoeuvre.current_reference
             self.following.observe(snapshot, raw, current)
-        if self.following.why and snapshot.control.held_by is not Cause.OPEN:  # who took it is told within a moment
+        # While the cause is open, what took it is reported within a moment.
+        if self.following.why and snapshot.control.held_by is not Cause.OPEN:
             self._stand_by(snapshot, raw)
         self._stepper.update(snapshot, raw)
         if self._unstopped is not None and self.authority.is_ours:

@@ -90,7 +90,7 @@ class FlightStepper:
     def _step_one(self, manoeuvre: Manoeuvre, snapshot: Snapshot, raw: Estimate) -> bool:
         """Steps a manoeuvre. Returns False if it has just ended."""
         if manoeuvre.is_awaited and snapshot.control.held_by is Cause.OPEN and raw.is_link_up:
-            # Nothing is sent; who took the UAV is known within a moment, and then ends the manoeuvre.
+            # Nothing is sent; what took the UAV is known within a moment, and then ends the manoeuvre.
             _withdraw_older(manoeuvre, snapshot)
             return True
         step = guarded(manoeuvre, manoeuvre.step, snapshot, raw)

@@ -308,7 +308,7 @@ class FrameResolver:
     def external_pose(self, pose: PoseStamped, now_s: float) -> Pose:
         """Validates a pose from outside, and converts it to the backend's local frame, also before that has a place.
 
-        Whoever measures from outside does not move with home. So ``map`` without an origin on Earth, and what lies
+        A measurement from outside does not move with home. So ``map`` without an origin on Earth, and what lies
         below it, is then as it was before any `set_home`. ``<ns>/odom`` that nothing ties to Earth is as it was at the
         first pose from outside in it. Such a frame is never lost for these poses, since they lay the local frame.
 

@@ -1,4 +1,4 @@
-"""The files that say who may do what: ``--roles`` and ``--tokens``. They are read anew when they have changed."""
+"""The files with the rights of callers: ``--roles`` and ``--tokens``. They are read anew when they have changed."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class _RolesFile(Settings, frozen=True, kw_only=True):
 
 
 def access(settings: DaemonSettings) -> Access:
-    """Returns who may call a daemon with these settings.
+    """Returns the rights of callers of a daemon with these settings.
 
     Raises:
         ConfigError: A file cannot be read, others could change it, or it is wrong.

@@ -94,7 +94,9 @@ class FleetMember(Protocol):
 
 @dataclass(slots=True)
 class _TimeChange:
-    """A change under way: who asked, its number there, and who has yet to make it."""
+    """A change in progress: the process that requested it, its number there, and the processes that have yet to make
+    it.
+    """
 
     origin: FleetMember
     number: int

@@ -42,7 +42,7 @@ client that is stopped at that moment would keep the lock.
 
 
 class NamespaceError(Exception):
-    """The namespace is not available; the message says why, and who holds it."""
+    """The namespace is not available; the message says why, and names the holder."""
 
 
 class Namespace:
@@ -234,7 +234,7 @@ def _take(lock: int) -> bool:
 
 
 def _holder(ns: str, lock: int) -> str:
-    """Returns who holds a namespace, as text, as far as it is known.
+    """Returns the holder of a namespace, as text, as far as it is known.
 
     The system says which process has the lock. What the files say is only believed of that process: a file of another
     user cannot be written, and so may name a process that ended long ago.

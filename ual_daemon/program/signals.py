@@ -21,8 +21,8 @@ def on_first(
 ) -> None:
     """Calls `stop` on the running event loop at the first signal. A second one calls `at_once` and ends the process."""
     loop = asyncio.get_running_loop()
-    # nohup ignores SIGHUP, and means it. A shell without a terminal ignores SIGINT for what it starts with `&`: but who
-    # sends one to a daemon wants its end.
+    # nohup ignores SIGHUP, and means it. A shell without a terminal ignores SIGINT for what it starts with `&`, but
+    # such a signal to a daemon is meant to end it.
     is_kept = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
     numbers = [number for number in signals if not (is_kept and number is signal.SIGHUP)]
 

@@ -37,7 +37,7 @@ class Supervision(Protocol):
         """Returns the time of a simulated UAV of this process, as callers change it."""
 
     def watch_audit(self, on_report: Callable[[AuditReport], object]) -> None:
-        """Calls back, on the event loop, when the audit of who started this process stands in another way."""
+        """Calls back, on the event loop, when the parent process reports that the audit's state has changed."""
         return
 
     def ended(self) -> None:

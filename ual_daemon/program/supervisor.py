@@ -207,11 +207,11 @@ class FleetSupervisor:
             self._tell_of_audit()
         if self._exporter is not None:
             self._exporter.start(self._metrics.samples)
-        self._reap()  # who has ended before this
+        self._reap()  # a worker that has ended before this
         await self._all_ended.wait()
 
     def _taking(self, process: _WorkerProcess) -> list[tuple[Pipe, Callable[[Sequence[bytes]], None]]]:
-        """Returns the pipes of a worker, each with who takes what comes through it."""
+        """Returns the pipes of a worker, each with the handler of its data."""
         return [
             (process.log, self._pass_on),
             (process.audit, self._add_to_audit),

@@ -1,4 +1,4 @@
-"""Observes calls: who called what, the request, the answer or refusal, and how long it took.
+"""Observes calls: the caller, the method, the request, the answer or refusal, and how long it took.
 
 It stands between the transport and `Calls`, so that every call is seen, whatever answers it, and costs nothing where
 nobody observes.

@@ -34,12 +34,14 @@ from ual_daemon.server.transport.base import ServedCall
 
 NAMESPACE_KEY = "ual-ns"
 MOST_OF_ONE_METHOD = 100
-"""Calls and streams of one method that are under way for one UAV and one caller (by the name of its token or
-certificate). For each method by itself: a hundred readers of the telemetry must not keep out who lands the UAV."""
+"""Calls and streams of one method that run for one UAV and one caller (by the name of its token or certificate). For
+each method by itself: a hundred readers of the telemetry must not keep out the caller that lands the UAV.
+"""
 
 MOST_WITHOUT_REQUEST = 100
-"""Calls for one UAV whose request has not come yet. Beyond that the oldest is ended, not the newest refused: who sends
-both together, as each client does, must get in."""
+"""Calls for one UAV whose request has not come yet. Beyond that the oldest is ended, not the newest refused: a client
+that sends both together, as each does, must get in.
+"""
 MOST_METADATA_BYTES = 16384
 """Names and values of one call. gRPC has a limit for each frame of them only."""
 REQUEST_S = 10.0
@@ -188,7 +190,7 @@ class Calls:
 
     def _end_late(self) -> None:
         """Ends the calls whose request is late, and logs how many have ended without one. Ends the calls and streams of
-        callers who are not known any more, or may not do this any more.
+        callers that are not known any more, or may not do this any more.
         """
         self._loop.call_later(REQUEST_S, self._end_late)
         self._end_unknown()
@@ -319,7 +321,7 @@ class Calls:
             self._failures[reason] += 1
 
     def set_context(self, call: ServedCall | None, who: Caller | None) -> None:
-        """Says for what this thread or task does from now on who calls, and for which UAV."""
+        """Sets the caller and the UAV for what this thread or task does from now on."""
         logs.caller.set(None if call is None else partial(_described, call))
         caller.current.set(who or OF_THIS_COMPUTER)
         if self._log_name:
@@ -335,6 +337,6 @@ class Calls:
 
 
 def _described(call: ServedCall) -> str:
-    """Returns the address of a caller, and its name, if it has shown who it is."""
+    """Returns the address of a caller, and its name, if it has identified itself."""
     named = call.identity not in ("", caller.LOCAL, caller.NOBODY)
     return f"{call.identity}@{call.peer()}" if named else call.peer()

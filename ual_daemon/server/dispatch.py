@@ -116,7 +116,7 @@ class Register(Protocol):
         ...
 
     def set_context(self, call: ServedCall | None, who: Caller | None) -> None:
-        """Says who calls for what this thread or task does from now on."""
+        """Sets the caller for what this thread or task does from now on."""
         ...
 
     def on_loop(self, callback: Callable[..., object], *arguments: object) -> bool:

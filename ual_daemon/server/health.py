@@ -1,7 +1,7 @@
 """The standard gRPC health service.
 
 It replaces grpcio-health-checking's asyncio servicer. That forgets all watchers of a service when one of them leaves,
-and in it a watcher that does not read delays whoever sets the status.
+and in it a watcher that does not read delays the setter of the status.
 """
 
 from __future__ import annotations

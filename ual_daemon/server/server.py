@@ -59,7 +59,7 @@ _OPTIONS: Sequence[tuple[str, int]] = (
     # Calls of one connection that have not ended yet, those included that its caller has reset ("rapid reset"): what is
     # beyond is refused by gRPC, before Python runs. More than the calls of one method that may be under way.
     ("grpc.max_concurrent_streams", 128),
-    # Who connects has to say so: by a TLS handshake if there is one, and by HTTP/2's preface.
+    # A client that connects has to show it: by a TLS handshake if there is one, and by HTTP/2's preface.
     ("grpc.server_handshake_timeout_ms", 20_000),
     # A connection without a call ends after a while, and leaves its open file to others. Clients connect again when
     # they call.
@@ -111,9 +111,9 @@ class Server:
         tracing: Tracing | None = None,
         motion_gate: MotionGate | None = None,
     ) -> None:
-        """`observers` observe each call; see `call_log`. `access` says who calls; None: any caller on this computer.
-        `more` are the services of extensions. `time_of` returns the time that callers change for a simulation, if that
-        is not its own. `tracing` traces each call. `motion_gate` refuses motions.
+        """`observers` observe each call; see `call_log`. `access` identifies callers; None: any caller on this
+        computer. `more` are the services of extensions. `time_of` returns the time that callers change for a
+        simulation, if that is not its own. `tracing` traces each call. `motion_gate` refuses motions.
         """
         self._simulation: SimulationServicer | None = None
         simulation = _simulation(vehicle)
@@ -124,7 +124,7 @@ class Server:
             vehicle.ns,
             log_name=vehicle.log_name,
             shutdown_refuses=(f"/{_UAL_SERVICE}/",),
-            shutdown_keeps=NEEDED_TO_LAND | {health.WATCH},  # who watches hears of the shutdown
+            shutdown_keeps=NEEDED_TO_LAND | {health.WATCH},  # watchers are informed of the shutdown
             access=access,
             motion_gate=motion_gate,
         )

@@ -1,4 +1,4 @@
-"""The cameras of a UAV: what may be asked of them, and by whom. The manual is docs/how-to/cameras.md.
+"""The cameras of a UAV: their requests, and the roles that may send them. The manual is docs/how-to/cameras.md.
 
 None of it moves the UAV, so no lease is needed: what is filmed is often another program's than what is flown.
 """
@@ -133,7 +133,7 @@ class VehicleCameras:
     def image(
         self, number: int, photo: int | None, kind: ImageKind = ImageKind.COLOUR, max_age_s: float = 0.0
     ) -> Future[Image]:
-        """See `ual.interface.Camera`. Who shares a picture gets the same object."""
+        """See `ual.interface.Camera`. Callers that share a picture get the same object."""
         max_age_s = _within(max_age_s, "max_age_s", 0.0, OLDEST_S)
         if photo is not None:
             return self._made(number, _whole(photo, "photo", at_most=2**32 - 1), kind)

@@ -1,4 +1,4 @@
-"""Corrections for the receiver of the UAV: what is passed on, and for whom. See docs/how-to/corrections.md."""
+"""Corrections for the receiver of the UAV: what is passed on, and for which callers. See docs/how-to/corrections.md."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The gimbals of a UAV: what may be ordered, and by whom. The manual is docs/how-to/gimbals.md.
+"""The gimbals of a UAV: their orders, and the roles that may send them. The manual is docs/how-to/gimbals.md.
 
 None of it moves the UAV, so no lease is needed: one program may fly, and another one film.
 """

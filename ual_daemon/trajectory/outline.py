@@ -1,4 +1,4 @@
-"""A trajectory as a line of points, for those who draw it."""
+"""A trajectory as a line of points, for drawing."""
 
 from __future__ import annotations
 

@@ -84,7 +84,7 @@ class PayloadEquipment:
                 before = self._replace(device, order, holds=holds)
                 ended += () if before is None else self._stopped([before])
                 self._begin(device, order, begin)
-        finally:  # without the lock: who waits for the end of one may give the next
+        finally:  # without the lock: a waiter for the end of one may send the next
             for each in ended:
                 futures.fail(each.result, TaskAbortedError(f"{each.text} was replaced", {"by": text}))
         return order.result
@@ -95,7 +95,7 @@ class PayloadEquipment:
             with self._lock:
                 under_way = [each for each in self._under_way.values() if not each.holds]
             stopped = self._stopped(under_way)
-        for order in stopped:  # without the lock: who waits for the end of one may give the next
+        for order in stopped:  # without the lock: a waiter for the end of one may send the next
             text = f"{order.text} was withdrawn: {why}; if it has left already, it may still be done"
             futures.fail(order.result, TaskAbortedError(text, metadata))
 

@@ -172,7 +172,7 @@ class Missions:
             return future
 
     def progress(self, offer: AutopilotMissions) -> MissionProgress:
-        """Returns how far the autopilot is with its mission, whoever has started it."""
+        """Returns the progress of the autopilot's mission, whichever program started it."""
         report, info = offer.report(), self._flight.task_info()
         task_id = info.id if info is not None and info.kind is TaskKind.MISSION else ""
         if report is None:

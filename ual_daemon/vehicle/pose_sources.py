@@ -44,7 +44,7 @@ class PoseSources:
         self._turns: deque[tuple[float, str]] = deque(maxlen=RETURNS_COUNT)
 
     def on_pose(self, caller: str, now_s: float) -> None:
-        """Takes note of who gives a pose; empty: this process."""
+        """Notes the caller that sends a pose; empty: this process."""
         if self._caller is not None and caller != self._caller:
             self._turns.append((now_s, self._caller))
         self._caller = caller

@@ -117,8 +117,8 @@ def make_telemetry(
 
 
 def _health(snapshot: Snapshot, trouble: str, holder: Cause | None, daemon_checks: tuple[str, ...]) -> Health | None:
-    """Returns the autopilot's health, with the failsafe, who holds the control, what arming would start, that the UAV
-    does not follow, and what fails in the daemon.
+    """Returns the autopilot's health, with the failsafe, the holder of the control, what arming would start, that the
+    UAV does not follow, and what fails in the daemon.
     """
     control, health = snapshot.control, snapshot.condition.health
     failsafe, held_by = control.failsafe, control.held_by or holder

@@ -126,7 +126,7 @@ class Vehicle(ReportedVehicle):
     # --- The lease ----------------------------------------------------------------------------------------------------
 
     def lease(self) -> LeaseInfo | None:
-        """Returns who holds the lease; None where there is no lease."""
+        """Returns the holder of the lease; None where there is no lease."""
         return self._flight.lease.info
 
     def acquire_lease(
@@ -190,7 +190,7 @@ class Vehicle(ReportedVehicle):
         return self.backend.safety_pilot()
 
     def why_not_auto_arm(self) -> str:
-        """Returns why a simulated safety pilot must not arm it now, human-readable; empty if he may."""
+        """Returns why a simulated safety pilot must not arm it now, human-readable; empty if arming is safe."""
         return self.backend.snapshot().control.arming_starts
 
     def observe_packets(self, callback: Callable[[Packet], None]) -> bool:

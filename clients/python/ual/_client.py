@@ -38,7 +38,7 @@ class Uav(Uncopied, PartMembers, UavMembers):
             neither is given, it is the only UAV of this computer.
         tls_ca: A file with the certificates to trust, for a daemon that uses TLS. Default: ``$UAL_TLS_CA``; empty: no
             TLS, whatever that says.
-        credentials: What shows the daemon who calls. Default: the environment's (`Credentials.from_environment`).
+        credentials: Credentials that the daemon checks. Default: the environment's (`Credentials.from_environment`).
         network: Where `ns` is looked for instead of on this computer: a `ual.network.Network`, which stays open
             meanwhile, or the name or file that `ual --network-config` takes. Default: ``$UAL_NETWORK``; empty: this
             computer, whatever that says.

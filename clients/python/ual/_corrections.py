@@ -73,5 +73,5 @@ class AsyncElements:
 
 
 def first(sender: str) -> pb.StreamCorrectionsRequest:
-    """Returns the element that says who sends. It comes before the first bytes, so that a refusal does, too."""
+    """Returns the element that identifies the sender. It comes before the first bytes, so that a refusal does, too."""
     return pb.StreamCorrectionsRequest(sender=sender)

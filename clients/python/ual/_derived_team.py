@@ -23,7 +23,7 @@ class TeamMembers(ABC):
         """Runs a coroutine of the asynchronous team to its end."""
 
     def info(self) -> dict[str, Info]:
-        """Returns who the UAV is and what it can do: backend, autopilot, capabilities, limits.
+        """Returns the identity of the UAV and its capabilities: backend, autopilot, capabilities, limits.
 
         See `ual.interface.Uav.info`.
 
@@ -175,7 +175,7 @@ class TeamMembers(ABC):
         self._wait(self._team.disarm(timeout_s=timeout_s))
 
     def lease_info(self) -> dict[str, LeaseInfo | None]:
-        """Returns who holds the lease; None where there is no lease.
+        """Returns the holder of the lease; None where there is no lease.
 
         See `ual.interface.Uav.lease_info`.
 

@@ -117,7 +117,9 @@ class LeaseHeldError(UalError):
 
 
 class LeaseLostError(UalError):
-    """The lease with which this was called has ended; metadata ``by`` says how: expired, released, or who took it."""
+    """The lease with which this was called has ended; metadata ``by`` says how: expired, released, or the caller that
+    took it.
+    """
 
     reason = "LEASE_LOST"
 

@@ -84,7 +84,7 @@ class GimbalInfo:
 
     Args:
         number: The number by which requests name it, while the daemon runs.
-        name: For people.
+        name: Human-readable.
         abilities: What it can do.
         is_connected: Whether messages of the gimbal arrive now.
         frame_id: Its direction, as a frame below ``<ns>/base_link``: x along its view, y left, z up.

@@ -332,14 +332,14 @@ class Corrections(Protocol):
             sender: What sends, human-readable, such as the name of the caster. It is in the error that others get.
 
         Raises:
-            ResourceExhaustedError: Another program sends, whom the metadata `held_by` names; or it is too much.
+            ResourceExhaustedError: Another program sends; the metadata `held_by` names it; or it is too much.
             PermissionDeniedError: The daemon only watches.
 
         """
         ...
 
     def status(self) -> CorrectionsStatus:
-        """Returns what has been sent and dropped since the daemon began, and by whom."""
+        """Returns what has been sent and dropped since the daemon began, and the sender."""
         ...
 
 
@@ -729,7 +729,7 @@ class Mission(Protocol):
         ...
 
     def download(self) -> StoredMission:
-        """Returns the mission that the autopilot has, read now, whoever has uploaded it.
+        """Returns the mission that the autopilot has, read now, whichever program uploaded it.
 
         Raises:
             LinkLostError: It is not heard.
@@ -804,7 +804,7 @@ class Mission(Protocol):
         ...
 
     def progress(self) -> MissionProgress:
-        """Returns how far the autopilot is with its mission, whoever has started it."""
+        """Returns the progress of the autopilot's mission, whichever program started it."""
         ...
 
     def watch(self) -> Iterator[MissionProgress]:
@@ -1149,7 +1149,7 @@ class Uav(TaskCommands[Task]):
 
     @abstractmethod
     def info(self) -> Info:
-        """Returns who the UAV is and what it can do: backend, autopilot, capabilities, limits.
+        """Returns the identity of the UAV and its capabilities: backend, autopilot, capabilities, limits.
 
         Example:
             >>> uav.info().autopilot
@@ -1425,7 +1425,7 @@ class Uav(TaskCommands[Task]):
 
     @abstractmethod
     def lease_info(self) -> LeaseInfo | None:
-        """Returns who holds the lease; None where there is no lease."""
+        """Returns the holder of the lease; None where there is no lease."""
 
     @abstractmethod
     def set_pose(self, pose: PoseStamped | Pose) -> None:

@@ -26,7 +26,8 @@ def verify(session: CommandSession, file: Path, head: str | None) -> None:
     """Check that no line was changed or removed.
 
     Lines that were added or swapped are found, too.
-    Whoever can write the file can also compute all hashes anew, or cut lines off its end: only --head finds that.
+    A program that can write the file can also compute all hashes anew, or cut lines off its end: only --head finds
+        that.
     """
     try:
         with file.open("rb") as lines:

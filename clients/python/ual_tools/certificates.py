@@ -60,7 +60,7 @@ def certificates() -> None:
     """Make the TLS certificates of a team.
 
     An authority of your own signs those of the daemons and of the callers. Needs ual-tools[access]. Keep
-    authority.key off the computers that fly: whoever has it can be anybody.
+    authority.key off the computers that fly: its holder can pose as any caller.
     """
 
 
@@ -138,7 +138,7 @@ def network(
 
     Each needs its certificate first: routers and UAVs by `ual certificates daemon`, observers by `ual certificates
     caller`. A router gets NAME.router.json5, for `ual router` or zenohd, and the others get NAME.network.yaml, for
-    `ual-daemon --network` or `ual --network-config`. Name all of them each time: who is not named may do nothing.
+    `ual-daemon --network` or `ual --network-config`. Name all of them each time: an unnamed one may do nothing.
     """
     _module()
     from ual_tools.access import network_files

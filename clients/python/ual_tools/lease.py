@@ -1,4 +1,4 @@
-"""`ual lease`: who is the only one that flies a UAV."""
+"""`ual lease`: the program that alone may fly a UAV."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ual_tools.session import CommandSession, pass_session
 @command("lease", "ual lease", "ual --lease takeoff 3", section=Section.LOOKING, multi=Multi.REACHABLE)
 @pass_session
 def lease(session: CommandSession) -> None:
-    """Print who holds the lease of the UAV.
+    """Print the holder of the lease of the UAV.
 
     While somebody does, nobody else flies it. `ual --lease COMMAND` holds it for as long as the command takes; `ual
     --take COMMAND` takes it from its holder.

@@ -1,4 +1,4 @@
-"""Zenoh's configuration: what leaves this computer, and who may do what among peers of a LAN, with real Zenoh."""
+"""Zenoh's configuration: what leaves this computer, and the rights of each peer of a LAN, with real Zenoh."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def test_with_a_certificate_nothing_goes_without_encryption() -> None:
 
 
 def test_an_attempt_to_connect_ends_before_tcp_waits_for_seconds() -> None:
-    """TCP asks at 0, 1 and 3 s: whoever comes back at 1.1 s is reached by a new attempt at 2 s."""
+    """TCP asks at 0, 1 and 3 s: a peer that comes back at 1.1 s is reached by a new attempt at 2 s."""
     transport = configuration.transport(NetworkSettings())
     assert transport["unicast"] == {"open_timeout": 2000}
     assert (

@@ -96,7 +96,7 @@ def test_after_the_clock_was_set_it_goes_on_in_a_file_of_that_date(
 
 
 def test_only_its_user_reads_a_recording(tmp_path: Path) -> None:
-    """As with the audit: it says who was where."""
+    """As with the audit: it contains positions of UAVs."""
     recorder = Recorder(tmp_path, "uav_1")
     assert recorder.path.stat().st_mode & 0o777 == 0o600
     recorder.close()

@@ -325,7 +325,7 @@ class Refitted(Scripted):
 def test_the_autopilot_is_not_reported_to_hold_over_a_pilot_who_has_just_taken_over(
     vehicle: Vehicle, is_taken: bool
 ) -> None:
-    """The world changed in the half second in which it is found out who has chosen the mode."""
+    """The world changed in the half second in which the cause of the mode is found out."""
     world = World(vehicle)
     world.flown.lock = threading.Lock()
     world.flight.begin(Refitted(world._new_task(), 1.0, 2), CommandOrigin())

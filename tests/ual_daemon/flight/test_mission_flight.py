@@ -1,4 +1,4 @@
-"""A flight whose autopilot flies a mission, and is set by a test: who takes it, also unseen, and what stops it."""
+"""A flight whose autopilot flies a mission, and is set by a test: what takes it, also unobserved, and what stops it."""
 
 from __future__ import annotations
 
@@ -200,7 +200,7 @@ def test_no_item_is_chosen_again_once_others_have_chosen_a_mode(world: World) ->
 
 @pytest.mark.parametrize("stage", [MissionStage.COMPLETE, MissionStage.ACTIVE])
 def test_a_switch_to_the_mode_in_which_a_mission_ends_is_the_pilots(world: World, stage: MissionStage) -> None:
-    """PX4 holds in one mode after a mission and by the pilot's switch: UAL must not take the control out of his."""
+    """PX4 holds in one mode after a mission and by the pilot's switch: UAL must not take back the control."""
     last = len(KEPT.items)
     world.offer.told = MissionReport(stage, last, last, world.autopilot.time_s + 0.1, 5, world.autopilot.time_s + 0.1)
     world.autopilot.mode, world.autopilot.held_by = world.offer.done_mode, Cause.SAFETY_PILOT
@@ -441,7 +441,7 @@ def stop_without_position(world: World) -> None:
 
 
 def test_without_a_position_the_autopilot_holds_until_ual_takes_it_back(world: World) -> None:
-    """It may last: who flies it is heard all the time."""
+    """It may last: its mode is received all the time."""
     stop_without_position(world)
     world.wire.answer()
     world.autopilot.mode = world.offer.pause_mode
@@ -560,7 +560,7 @@ def test_a_failsafe_for_the_lost_position_is_not_overruled_but_its_mission_is_st
     world.wire.hidden = NO_POSITION
     world.autopilot.mode, world.autopilot.held_by = "DESCEND", Cause.POSITION
     world.run(5.0)
-    for _ in range(3):  # who aborts repeats it
+    for _ in range(3):  # a caller that aborts repeats it
         stop = world.flight.mission_stop("abort", world.wire.snapshot())
         assert stop is not None
         world.flight.begin(stop.manoeuvre, CommandOrigin(), world.wire.snapshot())

@@ -35,7 +35,7 @@ def heading_of(frames: FrameResolver, orientation: Quaternion, frame_id: str = "
 
 
 def reordered(q: Quaternion) -> Quaternion:
-    """As of a caller who gives w, x, y, z."""
+    """As of a caller that sends w, x, y, z."""
     return Quaternion(q.w, q.x, q.y, q.z)
 
 

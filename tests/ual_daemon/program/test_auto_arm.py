@@ -1,4 +1,4 @@
-"""The simulated safety pilot's patience and his end, with hand-made updates."""
+"""The simulated safety pilot's patience and end, with hand-made updates."""
 
 from __future__ import annotations
 

@@ -82,7 +82,7 @@ def workers_of(daemon: DaemonProcess) -> dict[int, list[str]]:
 
 
 def wait_for_end(pids: list[int]) -> None:
-    """Until the processes are gone, or have ended and wait for who takes notice."""
+    """Until the processes are gone, or have ended and wait to be reaped."""
     until(lambda: not any(map(is_running, pids)), "the end of the processes", seen=lambda: [*filter(is_running, pids)])
 
 

@@ -22,7 +22,7 @@ _SERVICE = "/ual.v1.UalService/"
 METHODS: dict[str, MethodDescriptor] = {
     name: method
     for name, method in pb.DESCRIPTOR.services_by_name["UalService"].methods_by_name.items()
-    if name != "AcquireLease"  # its holder would keep out who checks the flight
+    if name != "AcquireLease"  # its holder would keep out the check of the flight
 }
 _RARE = ("Land", "RecoverFromManual", "SetHome")
 _RARE_SHARE = 0.02

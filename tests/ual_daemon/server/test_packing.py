@@ -1,4 +1,4 @@
-"""Samples that are packed without protobuf's objects: as protobuf packs them, to whoever reads them."""
+"""Samples that are packed without protobuf's objects: as protobuf packs them, for every reader."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Output of `ual certificates network`, with real Zenoh: who may publish, who may listen, and strangers."""
+"""Output of `ual certificates network`, with real Zenoh: allowed publishers, allowed listeners, and strangers."""
 
 from __future__ import annotations
 

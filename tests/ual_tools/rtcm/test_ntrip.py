@@ -55,7 +55,7 @@ class RequestLog:
         self.link.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         for each in pieces:
             self.link.sendall(each)
-            time.sleep(0.02)  # a piece of its own for who receives
+            time.sleep(0.02)  # a piece of its own for the receiver
 
 
 class Caster:

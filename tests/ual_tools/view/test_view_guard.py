@@ -1,4 +1,4 @@
-"""`ual view`: who may open the page."""
+"""`ual view`: the permission to open the page."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ COLLISION = Mode("COLLISION", Control.OTHER, is_autonomous=True)
 HOVER = Mode("HOVER", Control.OTHER, is_autonomous=True)
 """It hovers by itself after `hold`: no setpoints are sent until control is taken again."""
 REMOTE_CONTROL = Mode("REMOTE_CONTROL", Control.OTHER)
-"""API control is off: who holds the remote control flies, and without one the vehicle falls."""
+"""API control is off: the holder of the remote control flies, and without one the vehicle falls."""
 
 _GPS = GpsInfo(GpsFix.FIX_3D)
 """`simple_flight` flies by the simulator's truth."""

@@ -222,7 +222,7 @@ class _Writing:
         name, value = self._wanted.name, value_of(self._variable, data)
         found = None if value is None else Parameter(name, value, self._wanted.type)
         if found is not None:
-            self._on_written(found)  # whoever waits for it: it is so now
+            self._on_written(found)  # for every waiter: it is so now
         if found is None or not is_equal(found.value, self._wanted.value):
             kept = "" if found is None else found.text
             text = f"{name}: the firmware keeps {kept or 'another value'}"

@@ -8,7 +8,7 @@ It has not flown a real aircraft yet. The modules, from the top down (a contract
 - ``commands``: commands as calls of services, and their answers
 - ``discovery``: which wrapper there is, by its services
 - ``telemetry``: from messages to snapshots
-- ``authority``: who controls the aircraft, where the wrapper does not say it, and whether the end releases it
+- ``authority``: the controller of the aircraft, where the wrapper does not say it, and whether the end releases it
 - ``wrappers``: names, types and numbers of the two wrappers
 - ``local_frame``, ``obstacles``, ``modes``, ``settings``
 """

@@ -89,7 +89,9 @@ class DjiAuthority:
         return self._is_granted
 
     def _watch_ground(self, display_mode: int, now_s: float) -> None:
-        """Notes who was followed on the ground. Motors that stop end it, too, which shows a moment later."""
+        """Notes the controller that the aircraft obeyed on the ground. Motors that stop end it, too, which shows a
+        moment later.
+        """
         if not self._idles:
             self._idle_followed_s = None
         elif display_mode == modes.SDK_CONTROL:
@@ -122,7 +124,7 @@ class Holding:
         self.is_held = self.is_granted = False
 
     def observe(self, now_s: float, *, is_ours: bool) -> None:
-        """Takes who has it. What was said before the request may come a little after it."""
+        """Takes the present holder. What was said before the request may come a little after it."""
         if is_ours:
             self._was_seen = True
         elif self._was_seen or now_s - self.asked_s > _SHOWN_S:

@@ -34,7 +34,7 @@ class DjiRequest(NamedTuple):
 
 
 def request(what: str, call: DjiCall, group: str = FLYING, grant: Grant | None = None) -> Command[DjiRequest]:
-    """Calls a service, once. The motors, too, are of those whom the aircraft follows."""
+    """Calls a service, once. The motors, too, obey the present controller only."""
     return Command(what, DjiRequest(call, grant), group, own_modes=_follows_us)
 
 

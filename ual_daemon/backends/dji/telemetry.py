@@ -246,7 +246,7 @@ class DjiTelemetry:
         return left is None or now_s - left.time_s < _SKEW_S
 
     def on_control_mode(self, message: Message, now_s: float) -> None:
-        """Takes who controls the aircraft."""
+        """Takes the controller of the aircraft."""
         is_ours = message["device_mode"] == _OURS and bool(message["control_auth"])
         other = _APP if message["device_mode"] == _APP else _REMOTE
         if is_ours:
@@ -329,7 +329,7 @@ class DjiTelemetry:
 
     @property
     def is_authority_known(self) -> bool:
-        """Whether it is known whom the aircraft follows."""
+        """Whether the controller of the aircraft is known."""
         return self._device.sample is not None
 
     @property

@@ -38,7 +38,7 @@ class Wrapper:
 
     name: str
     says_authority: bool
-    """Whether it publishes who controls the aircraft."""
+    """Whether it publishes the controller of the aircraft."""
     has_sea_level: bool = False
     """Whether altitudes above mean sea level have a topic of their own; else those of positions are such."""
     topics: tuple[DjiTopic, ...]

@@ -15,7 +15,7 @@ from ual_daemon.backends.values import LandedState, Mode, Snapshot
 R = TypeVar("R")
 
 FLYING = "mode"
-"""The group of the commands that decide who or what flies."""
+"""The group of the commands that change control of the flight."""
 ARMING = "arm"
 """The group of arming and disarming."""
 
@@ -70,7 +70,7 @@ class Command(Generic[R]):
     """A command.
 
     Attributes:
-        what: For people: "arm".
+        what: Human-readable: "arm".
         request: What is sent, of the backend.
         group: Of one group only the newest command is kept: `FLYING`, `ARMING`, or one of the backend's. A command
             without a group only requests data.

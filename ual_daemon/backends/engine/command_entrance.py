@@ -44,7 +44,7 @@ class CommandEntrance(Generic[R]):
         """Has a command made and sent on the loop's thread. The future ends there; see `CommandRunner.submit`.
 
         `make` may raise a `UalError`, which ends the future. The mode that the caller saw counts as the one from which
-        the command leads: whoever changes it from now on is not overruled.
+        the command leads: a later change is not overruled.
         """
         runner = self._reach(what)
         if isinstance(runner, UalError):

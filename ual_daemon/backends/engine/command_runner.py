@@ -164,8 +164,8 @@ class CommandRunner(Generic[R]):
         """Queues a command, and sends it as soon as nothing keeps it back.
 
         The future ends with the answer or the effect, of the last command where others follow. It ends with an error
-        where the command was refused, could not be sent, or was not answered and nothing else shows what it did. What
-        decides who flies, and arming, stay open without an answer. Cancelling it withdraws the command.
+        where the command was refused, could not be sent, or was not answered and nothing else shows what it did.
+        Commands that change control, and arming, stay open without an answer. Cancelling it withdraws the command.
         """
         self._due_s = -math.inf
         result = Future() if result is None else result
@@ -204,7 +204,7 @@ class CommandRunner(Generic[R]):
     # --- What comes ---------------------------------------------------------------------------------------------------
 
     def on_answer(self, key: Hashable, verdict: Verdict, now_s: float, text: str = "", by: str = "") -> None:
-        """Takes an answer: to what, what it says, in whose words, and who refuses where it is not the autopilot."""
+        """Takes an answer: its command, its result, its text, and what refuses it where that is not the autopilot."""
         self._due_s = -math.inf
         pending = self._in_flight.get(key)
         if pending is None or (pending.refusal and pending.command.refusal_is_final):
@@ -461,7 +461,7 @@ class CommandRunner(Generic[R]):
             self._fail(pending, now_s, UalTimeoutError(f"{text} after a silence: others may have acted in it"))
 
     def _give_up_late_ones(self, now_s: float) -> None:
-        """Ends the commands that could not leave, or that a bridge did not execute, before those who wait give up."""
+        """Ends the commands that could not leave, or that a bridge did not execute, before the callers give up."""
         for pending in self._those_left((*self._waiting, *self._in_flight.values())):
             limit_s = UNSENT_S if pending.sends_count else pending.command.unsent_s
             if not pending.command.group or now_s - pending.asked_s <= limit_s:

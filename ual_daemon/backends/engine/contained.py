@@ -16,7 +16,7 @@ P = ParamSpec("P")
 
 
 def defect(what: str, error: Exception) -> UalError:
-    """Logs a defect, and returns the error of who wanted `what` (human-readable: "land")."""
+    """Logs a defect, and returns the error for the caller that wanted `what` (human-readable: "land")."""
     _log.error("cannot %s; this is a defect of UAL, please report it", what, exc_info=error)
     return UalError(f"cannot {what}: a defect of UAL: {error!r}")
 

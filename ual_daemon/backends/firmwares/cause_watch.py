@@ -1,4 +1,4 @@
-"""Finds out who or what took the control: the pilot, a ground station, or a failsafe and which. Pure logic."""
+"""Finds out what took the control: the pilot, a ground station, or a failsafe and which. Pure logic."""
 
 from __future__ import annotations
 
@@ -209,7 +209,7 @@ class CauseWatch:
         other_sender: str,
         now_s: float,
     ) -> ControlState:
-        """Returns who flies it. All at once: a value that is replaced afterwards copies its group, at each update."""
+        """Returns what flies it. All at once: a value that is replaced afterwards copies its group, at each update."""
         is_armed = None if armed is None else armed.value
         return ControlState(
             armed,
@@ -238,7 +238,7 @@ class CauseWatch:
         return not self._motors.turn_since(self._motor_text_s + TEXT_AHEAD_S)
 
     def held_by(self, mode: Mode, now_s: float, *, is_armed: bool | None) -> Cause | None:
-        """Returns who or what holds the control in the present mode.
+        """Returns what holds the control in the present mode.
 
         None in the mode that takes setpoints, before the arming, and where it is not known how the mode came.
         `is_armed` is None while that is not known, as just after a pause of this computer: that is no disarming.

@@ -38,7 +38,7 @@ class PayloadOrder(NamedTuple):
     """A command of MAVLink that moves something. `params` are its first ones; zeros follow.
 
     Attributes:
-        what: For people: "release the gripper".
+        what: Human-readable: "release the gripper".
         device: What it moves: of one device the newest order counts.
         holds: Whether it may be repeated; see `GripperDriver`.
 

@@ -82,7 +82,7 @@ class SenderWatch:
 
     @property
     def wants_mode(self) -> bool:
-        """Whether the mode is to be heard anew: a target that is none of ours may be a pilot's, who has taken over."""
+        """Whether the mode is to be heard anew: a foreign target may come from a pilot who has taken over."""
         return self._doubted_s < math.inf
 
     def another(

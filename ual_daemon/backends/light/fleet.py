@@ -43,7 +43,7 @@ Ints: TypeAlias = "NDArray[np.int64]"
 
 
 class Fleet:
-    """The state of all vehicles of a world, one row for each. Whoever changes it must hold the world's lock."""
+    """The state of all vehicles of a world, one row for each. Change it only with the world's lock held."""
 
     def __init__(self, single: Single) -> None:
         """Takes over the first vehicle with its present state."""

@@ -96,7 +96,7 @@ class _Easel:
             process.kill()
 
     def _start(self) -> Connection:
-        from multiprocessing import Pipe  # 20 ms, which only those wait for who want pictures
+        from multiprocessing import Pipe  # 20 ms, for which only callers that want pictures wait
 
         ours, its = Pipe()
         with its:

@@ -34,7 +34,7 @@ class Single:
     """The state of the only vehicle of a world, in columns with one row. The columns and the equations are the same as
     in `fleet.Fleet`.
 
-    Whoever changes it must hold the world's lock.
+    Change it only with the world's lock held.
     """
 
     def __init__(self) -> None:

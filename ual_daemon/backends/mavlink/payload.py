@@ -76,7 +76,7 @@ class MavlinkPayload(Payload):
             replaced = self._newest.get(command_id)
             self._newest[command_id] = sent = self._submit(f"send {name}", lambda: command)
         if replaced is not None:
-            replaced.cancel()  # without the lock: who hears of it may send the next
+            replaced.cancel()  # without the lock: the callback may send the next
         return sent
 
     @override

@@ -24,7 +24,7 @@ FIELDS = {BOOL: "bool_value", INTEGER: "integer_value", DOUBLE: "double_value"}
 """The field of a ROS 2 ParameterValue by its type."""
 
 Call = Callable[[str, Message, Callable[[Message], None], float], None]
-"""Calls a service: its name, its arguments, who takes the answer, and the time limit in seconds."""
+"""Calls a service: its name, its arguments, the handler of the answer, and the time limit in seconds."""
 
 
 class ParameterReader:
@@ -57,7 +57,7 @@ class ParameterReader:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """For people the names of those that should be there, and have not come."""
+        """Human-readable names of those that should be there, and have not come."""
         return self._autopilot.missing_parameters(self._parameters)
 
     def tick(self, now_s: float, ros: RosGeneration, call: Call) -> bool:

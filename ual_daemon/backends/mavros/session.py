@@ -58,8 +58,8 @@ _HEARTBEAT_ID, _ORIGIN_ID, _VERSION_ID, _HOME_ID = 0, 49, 148, 242
 _EVENT_BYTES = 40
 
 CallService = Callable[[str, Message, Callable[[Answer], None], float], "Future[Message]"]
-"""Calls a service: its name, its arguments, who takes the answer, and the time limit in seconds. Cancelling the future
-withdraws the call, if it has not left yet.
+"""Calls a service: its name, its arguments, the handler of the answer, and the time limit in seconds. Cancelling the
+future withdraws the call, if it has not left yet.
 """
 
 

@@ -134,7 +134,7 @@ class SenderTurn:
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self.skipped_bytes_count = 0
-        """Bytes of all senders so far that belonged to no whole message. Counted by whoever has the turn."""
+        """Bytes of all senders so far that belonged to no whole message. Counted by the sender whose turn it is."""
         self._clock = clock
         self._lock = threading.Lock()
         self._holder: object = None

@@ -14,7 +14,7 @@ Refusal = Callable[[], UalError | None]
 
 
 class UndecidedError(WrongStateError):
-    """A refusal that may pass within a moment: it is not known yet who has taken the UAV. Nothing is sent meanwhile."""
+    """A refusal that may pass within a moment: what has taken the UAV is not known yet. Nothing is sent meanwhile."""
 
 
 class AutopilotParameters(ABC):

@@ -260,7 +260,7 @@ class RosbridgeLink:
         self._refreshed_s = -math.inf
 
     def _run(self) -> None:
-        """Connects until the link is closed. A defect of whoever listens does not end it: it connects anew."""
+        """Connects until the link is closed. A defect of a listener does not end it: it connects anew."""
         while not self._closing.is_set():
             try:
                 self._attempt()

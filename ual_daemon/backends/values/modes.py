@@ -123,7 +123,7 @@ class Mode:
 
     @property
     def arming_starts(self) -> str:
-        """Warning that whoever arms it starts a flight, human-readable; empty where arming starts nothing."""
+        """Warning that arming starts a flight, human-readable; empty where arming starts nothing."""
         if self.on_arming not in (OnArming.FLIES, OnArming.MAY_FLY):
             return ""
         return f"whoever arms it in mode {self.text} {self.on_arming.value}"

@@ -39,7 +39,7 @@ class ControlState(NamedTuple):
         landed: Whether it is on the ground. None: this autopilot does not say it.
         mode: The mode.
         failsafe: The failsafe that is active, whatever the mode.
-        held_by: Who or what holds the control in the present mode, where that is not UAL. None where the backend cannot
+        held_by: What holds the control in the present mode, where that is not UAL. None where the backend cannot
             say: it is then taken for the safety pilot.
         other_sender: What shows that another program sends setpoints, too, human-readable; empty if nothing does.
     """
@@ -68,7 +68,7 @@ class ControlState(NamedTuple):
 
     @property
     def arming_starts(self) -> str:
-        """Warning that whoever arms it starts a flight, human-readable; empty where arming starts nothing, and once
+        """Warning that arming starts a flight, human-readable; empty where arming starts nothing, and once
         armed.
         """
         if self.mode is None or self.armed is None or self.armed.value:
@@ -203,7 +203,7 @@ class Snapshot(NamedTuple):
         scheduling_gap: That the backend had no time to look for data lately, human-readable; empty if it had.
         sequence: Numbers the updates of a backend that may leave some out (`Backend.is_update_needed`), and counts
             these, too. 0: the vehicle is to count.
-        control: Who flies it.
+        control: What flies it.
         motion: Where it is and how it moves.
         earth: How the local frame lies on Earth, and where home is.
         condition: How the vehicle is.

@@ -42,7 +42,7 @@ class SetpointLoss(Enum):
     """A velocity that was sent last is flown on and on (AirSim, until its duration ends)."""
     FALLS = "stops its motors"
     """It comes down (Crazyflie). It is held from the first update on, also by a daemon that was not commanded in this
-    flight; any other one is left to whoever flies it."""
+    flight; any other one is left to its pilot or program."""
 
 
 class VelocityGains(NamedTuple):

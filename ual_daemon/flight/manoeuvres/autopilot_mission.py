@@ -440,7 +440,7 @@ class AutopilotMission(Manoeuvre):
             self._update_words()
             return Step()
         if _mode(snapshot) == self._offer.mode and self._before is None:
-            self._began_in = self._offer.mode  # who goes back to the mode before takes it
+            self._began_in = self._offer.mode  # a return to the mode before takes it
         elif _mode(snapshot) != self._offer.mode and (step := self._unless_ours(snapshot)) is not None:
             return step
         failure = self.command.failure(snapshot)
@@ -590,7 +590,7 @@ class AutopilotMission(Manoeuvre):
     def _why_not(self) -> UalError | None:
         """Returns why nothing more of it may be sent, first or again; None where it may. On the thread of the updates.
 
-        Others may have chosen the mode since the last step: no step is made until it is known who has.
+        Others may have chosen the mode since the last step: no step is made until the cause is known.
         """
         if self.future.done():
             return TaskAbortedError(f"{NAME}: it has ended", {"by": NAME})

@@ -108,7 +108,7 @@ class AwaitStop(Manoeuvre):
             self._seen_s = snapshot.time_s
         mode = snapshot.control.mode
         if estimate.is_link_up and mode is not None and not snapshot.link.conflict:
-            self._seen_s = max(self._seen_s, mode.time_s)  # who flies it is known all the time
+            self._seen_s = max(self._seen_s, mode.time_s)  # what flies it is known all the time
             if self._is_taken_unseen(snapshot):
                 return taken(snapshot, self.name)
         is_long = snapshot.time_s - self._seen_s > LONGEST_GAP_S

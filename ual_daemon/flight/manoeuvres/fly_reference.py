@@ -47,7 +47,7 @@ class ReferenceRules:
     is_in_control: Callable[[], bool]
 
     def may_send(self, snapshot: Snapshot, raw: Estimate, *, is_begun: bool) -> bool:
-        """Returns whether a reference may be sent now, and lets the authority note who flies.
+        """Returns whether a reference may be sent now, and lets the authority note what flies it.
 
         On the ground none begins. One that has begun goes on while the autopilot follows UAL: a descent that has
         touched down must not lose its stream before the autopilot disarms.

@@ -145,7 +145,7 @@ class Manoeuvre(ABC):
     has_held = False
     """Whether the autopilot has held by itself since it stops a mission."""
     overrules_nobody = False
-    """Whether it sends nothing in a mode to which UAL has not led, whoever has chosen that before it began."""
+    """Whether it sends nothing in a mode that UAL did not choose, also where it was chosen before it began."""
     why_not_pausable = "only the safety pilot can abort it"
     # Here and not in `__init__`: each setpoint of a stream makes a manoeuvre.
     task: VehicleTask | None = None
@@ -321,7 +321,7 @@ def taken_over(snapshot: Snapshot, during: str) -> TaskAbortedError:
     in_mode = f"(the autopilot is in mode {mode}{f'; {breach}' if breach else ''})"
     if cause.is_failsafe:
         what = f"taken by the autopilot: {cause.value}"
-    elif state is State.FLYING_AUTO:  # nothing shows who selects the mode in which UAL flies it, too
+    elif state is State.FLYING_AUTO:  # nothing shows what else selects the mode in which UAL flies it
         what = "the safety pilot or a ground station took over"
     else:
         what = f"the {cause.value} took over"

@@ -62,7 +62,7 @@ class MissionWatch:
 
     def step(self, now_s: float, *, is_end: bool = False) -> None:
         """Compares, takes what was read, and begins to read where that is due. `is_end`: all items seem to be flown."""
-        # While it is open who has chosen a mode no step is made: that is no time of the read.
+        # While the cause of a mode is open no step is made: that is no time of the read.
         looked_s, self._stepped_s = min(now_s, self._stepped_s + _STEP_S), now_s
         if self._reading is not None and self._reading.done():
             self._take(self._reading, now_s, looked_s)

@@ -38,7 +38,7 @@ Refusal = Callable[[Snapshot], UalError | None]
 class Recover(Manoeuvre):
     """Takes control back. Holds the present pose until the mode has changed, and then stops.
 
-    While it is not known yet who took the UAV, nothing is sent: it may be a failsafe, which is not overridden.
+    While it is not known yet what took the UAV, nothing is sent: it may be a failsafe, which is not overridden.
     """
 
     is_replaceable = False
@@ -116,7 +116,7 @@ class Recover(Manoeuvre):
             if not is_own:
                 return taken(snapshot, self.name)
             self._begin_anew(snapshot)
-        if not self._is_sent:  # `Flight` steps it once it is known who took the UAV
+        if not self._is_sent:  # `Flight` steps it once it is known what took the UAV
             refusal = self._refusal(snapshot)
             if refusal is not None:
                 return failed(refusal)

@@ -35,8 +35,8 @@ class Authority:
     """Authority over the present flight, from the first command to the disarming.
 
     UAL holds it from its first command on. A daemon that was started in flight holds nothing: what it finds in OFFBOARD
-    or GUIDED may be the flight of a ground station or of another program. Whoever takes the UAV ends UAL's hold; a new
-    command begins it anew.
+    or GUIDED may be the flight of a ground station or of another program. Any take-over of the UAV ends UAL's hold; a
+    new command begins it anew.
 
     `is_ours` is an attribute: a method would cost each setpoint of a stream a call.
     """
@@ -69,7 +69,8 @@ class Authority:
         self._has_flown, self.taken, self.holder = True, "", None
 
     def end(self, snapshot: Snapshot, *, is_taken: bool, is_left: bool = False, by: str = "") -> None:
-        """Notes that a manoeuvre of UAL has ended, and whether others took the UAV in it. `by` is who, if it is known.
+        """Notes that a manoeuvre of UAL has ended, and whether others took the UAV in it. `by` is their name, if it is
+        known.
 
         `is_left`: UAL leaves it to the autopilot, which is to hold by itself.
 
@@ -106,7 +107,7 @@ class Authority:
             self.given_up = ""
         if snapshot.control.held_by is not None or state not in _OTHERS:
             self.holder = None
-        if state is _LANDED_ARMED and self._was_blind and self._was_in_air:  # nobody saw who landed it
+        if state is _LANDED_ARMED and self._was_blind and self._was_in_air:  # the cause of its landing was not observed
             self.is_ours, self.is_ground_theirs = False, True
             self._has_flown, self.taken = False, ""  # it may have been armed anew
         elif state is _LANDED_DISARMED:
@@ -121,7 +122,7 @@ class Authority:
             self.is_ground_theirs = not self.is_ours
 
     def _note_taken(self, snapshot: Snapshot, unknown: str) -> None:
-        """Notes who holds a UAV that UAL has flown in this flight; the first who took it, until that is known.
+        """Notes the holder of a UAV that UAL has flown in this flight; the first one that took it, until that is known.
 
         `unknown` says it where the autopilot does not tell.
         """
@@ -142,7 +143,7 @@ class Authority:
         logs.event(_log, logging.WARNING, "flight_given_up", why=self.given_up, remedy=remedy)
 
     def _observe_blind(self, snapshot: Snapshot) -> None:
-        """Notes who flies while the state is not known: the mode may be heard all the time."""
+        """Notes what flies it while the state is not known: the mode may be heard all the time."""
         if snapshot.control.landed is not None and snapshot.control.landed.value is LandedState.IN_AIR:
             self._is_in_air = True
         mode = snapshot.control.mode

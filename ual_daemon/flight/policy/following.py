@@ -342,7 +342,7 @@ class Following:
             return Trouble.STOPPED, down_m_s
         if _is_by_hand(state, control.mode):
             self._begin_anew()
-            return None  # its pilot may fly as he likes
+            return None  # its pilot may fly freely
         self._keep(snapshot.time_s, _ReceivedVelocity(now_s, z_m, down_m_s))
         if down_m_s <= _DESCENDS_M_S:
             self._fall = None

@@ -55,7 +55,7 @@ class FlightLease:
     def acquire(
         self, holder: str, identity: str, *, take: bool, lasts_s: float = EXPIRES_AFTER_S, lease_id: str = NOBODY
     ) -> str:
-        """Begins a lease and returns its identifier, a secret. Who has the one that is held (`lease_id`) gets it again.
+        """Begins a lease and returns its identifier, a secret. The holder (`lease_id`) gets its lease again.
 
         Raises:
             LeaseHeldError: Another one is held, and it is not to be taken.
@@ -84,7 +84,7 @@ class FlightLease:
 
         """
         with self._lock:
-            # One that is late is not ended here: whoever ends it has to stop the UAV (`expire`).
+            # One that is late is not ended here: the UAV has to be stopped with it (`expire`).
             if self._held is None or self._held.id != lease_id or self._clock() > self._expires_s:
                 raise self._lost(lease_id, "keep_lease")
             self._expires_s = self._clock() + self._held.lasts_s
@@ -98,7 +98,7 @@ class FlightLease:
             return True
 
     def expire(self) -> LeaseInfo | None:
-        """Ends the lease if it was not kept. Returns who held it, if it has ended by this."""
+        """Ends the lease if it was not kept. Returns its former holder, if it has ended by this."""
         if self._held is None or self._clock() <= self._expires_s:
             return None
         with self._lock:

@@ -43,7 +43,7 @@ class Collected(prometheus_client.registry.Collector):
         yield from self._metrics
 
     def describe(self) -> Iterator[Metric]:
-        """Yields nothing: whoever registers it must not gather."""
+        """Yields nothing: its registration must not gather."""
         return iter(())
 
 

@@ -38,7 +38,7 @@ def require(settings: NetworkSettings, publisher: str) -> None:
 
 
 def _name(settings: NetworkSettings) -> str:
-    """Returns the name in the certificate, as who accepts it sees it."""
+    """Returns the name in the certificate, as the accepting end reads it."""
     router = _context(ssl.PROTOCOL_TLS_SERVER, settings)
     router.load_verify_locations(str(settings.authority))
     router.verify_mode = ssl.CERT_REQUIRED

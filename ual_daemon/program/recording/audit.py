@@ -1,4 +1,5 @@
-"""The audit (``--audit``): a line for each call that changes something. Who, from where, what, and what came of it.
+"""The audit (``--audit``): a line for each call that changes something. The caller, its address, the call, and its
+result.
 
 Lines are only appended, by a thread of their own: a slow or full disk delays no call. `ual.access.audit` says how they
 are chained.

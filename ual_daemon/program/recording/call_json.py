@@ -61,7 +61,7 @@ def _message(kind: type[Message] | None, data: bytes | None) -> dict[str, Any] |
 
 
 def _without_secrets(message: dict[str, Any]) -> dict[str, Any]:
-    """Returns a message without the identifier of a lease: whoever reads the file must not be able to fly by it."""
+    """Returns a message without the identifier of a lease: a reader of the file must not be able to fly by it."""
     return {name: "(secret)" if name in _SECRETS else value for name, value in message.items()}
 
 

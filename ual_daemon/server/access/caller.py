@@ -21,7 +21,7 @@ class Caller:
     name: str
     role: Role
     is_named: bool = False
-    """Whether it has shown who it is, by a token or a certificate."""
+    """Whether it has identified itself, by a token or a certificate."""
 
     def require(self, needed: Role, what: str) -> None:
         """Checks that the caller has a role.
@@ -38,7 +38,7 @@ class Caller:
 
 
 OF_THIS_COMPUTER = Caller(LOCAL, Role.COMMANDER)
-"""Whoever calls on a daemon for which nothing is configured."""
+"""The caller of a daemon for which nothing is configured."""
 current: ContextVar[Caller] = ContextVar("ual_caller_identity", default=OF_THIS_COMPUTER)
 
 

@@ -1,4 +1,4 @@
-"""Tells who calls: by a token, by a TLS certificate, or by the computer that the call comes from."""
+"""Identifies callers: by a token, by a TLS certificate, or by the computer that the call comes from."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _BEARER = "bearer "
 
 @dataclass(frozen=True, slots=True)
 class Roles:
-    """The file ``--roles``: what each certificate and each token may do, and who shows neither."""
+    """The file ``--roles``: the role of each certificate and each token, and of callers with neither."""
 
     certificates: Mapping[str, Role] = field(default_factory=dict)
     tokens: Mapping[str, Role] = field(default_factory=dict)
@@ -72,7 +72,7 @@ class Access:
         return self._roles().nobody < Role.PILOT
 
     def identify(self, call: ServedCall) -> Caller:
-        """Returns who calls.
+        """Returns the caller.
 
         Raises:
             UnauthenticatedError: The caller is not known here.
@@ -81,7 +81,7 @@ class Access:
         given = _metadata_of(call)
         roles, is_local = self._roles(), is_this_computer(call.peer())
         caller = None
-        if AUTHORIZATION in given and (self._tokens is not None or not is_local):  # who has no tokens judges none
+        if AUTHORIZATION in given and (self._tokens is not None or not is_local):  # without tokens none is checked
             caller = self._by_token(given[AUTHORIZATION], roles)
         elif is_local and FORWARDED_FOR in given:
             caller = self._by_gateway(given, roles)
@@ -106,7 +106,9 @@ class Access:
 
     @staticmethod
     def _by_gateway(given: Mapping[str, str], roles: Roles) -> Caller:
-        """Returns for whom a gateway of this computer calls: it is believed what whoever is local could do itself."""
+        """Returns the caller behind a gateway of this computer: it is trusted with what any local program could do
+        itself.
+        """
         name = given.get(FORWARDED_NAME, "")
         if name and roles.local is Role.COMMANDER:
             return _by_certificate(name, roles)
@@ -149,7 +151,7 @@ def _is_loopback(text: str) -> bool:
 
 
 def _metadata_of(call: ServedCall) -> dict[str, str]:
-    """Returns the metadata by which a caller says who it is. A key that is given twice counts with all its values."""
+    """Returns the metadata by which a caller identifies itself. A key that is sent twice counts with all its values."""
     found: dict[str, str] = {}
     for key, value in call.metadata:
         if key in (AUTHORIZATION, FORWARDED_FOR, FORWARDED_NAME) and isinstance(value, str):

@@ -137,7 +137,7 @@ def _add(server: grpc.aio.Server, address: str, credentials: MakeCredentials | N
 
 
 class _AnyMethod(grpc.GenericRpcHandler):
-    """Takes calls of every method: which ones exist is known by who takes them."""
+    """Takes calls of every method: which ones exist is known by the handler."""
 
     def __init__(self, take: Callable[[ServedCall], None]) -> None:
         self._take = take
@@ -328,7 +328,7 @@ class AioCall(ServedCall):
             raise asyncio.CancelledError
 
     def _leave(self) -> None:
-        """Ends what is under way, as the core does: who receives gets None, who sends gets False."""
+        """Ends what is in progress, as the core does: a receiver gets None, a sender gets False."""
         self._has_ended = True
         self._reader.cancel()
         self._writer.cancel()

@@ -88,7 +88,7 @@ class CoreTransport(Transport):
                     return
             except Exception as error:  # noqa: BLE001
                 self._on_defect(error)
-                # A queue that is freed before its end blocks who frees it: this thread keeps it.
+                # A queue that is freed before its end blocks the thread that frees it: this thread keeps it.
                 threading.Event().wait(None if self._is_ending else _RETRY_S)
                 continue
             try:

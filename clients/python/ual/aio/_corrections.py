@@ -25,7 +25,7 @@ class CorrectionsBase:
             sender: What sends, human-readable, such as the name of the caster. It is in the error that others get.
 
         Raises:
-            ResourceExhaustedError: Another program sends, whom the metadata `held_by` names; or it is too much.
+            ResourceExhaustedError: Another program sends; the metadata `held_by` names it; or it is too much.
             PermissionDeniedError: The daemon only watches.
 
         """

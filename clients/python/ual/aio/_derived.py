@@ -31,7 +31,7 @@ class UavMembers(ABC):
         """Makes a call that comes after the setpoints given before it."""
 
     async def info(self) -> Info:
-        """Returns who the UAV is and what it can do: backend, autopilot, capabilities, limits."""
+        """Returns the identity of the UAV and its capabilities: backend, autopilot, capabilities, limits."""
         return await self._connection.run(_uav_calls.info())
 
     async def telemetry(self) -> Telemetry:
@@ -189,7 +189,7 @@ class UavMembers(ABC):
         await self._command(_uav_calls.disarm(), timeout_s)
 
     async def lease_info(self) -> LeaseInfo | None:
-        """Returns who holds the lease; None where there is no lease."""
+        """Returns the holder of the lease; None where there is no lease."""
         return await self._connection.run(_uav_calls.lease_info())
 
     async def set_pose(self, pose: PoseStamped | Pose) -> None:

@@ -144,7 +144,7 @@ class Corrections(CorrectionsBase):
         return f"<Corrections of {self._connection.described}>"
 
     async def status(self) -> CorrectionsStatus:
-        """Returns what has been sent and dropped since the daemon began, and by whom."""
+        """Returns what has been sent and dropped since the daemon began, and the sender."""
         return await self._connection.run(_corrections_calls.status())
 
 
@@ -469,7 +469,7 @@ class Mission:
         return await self._connection.run(_mission_calls.upload(items))
 
     async def download(self) -> StoredMission:
-        """Returns the mission that the autopilot has, read now, whoever has uploaded it.
+        """Returns the mission that the autopilot has, read now, whichever program uploaded it.
 
         Raises:
             LinkLostError: It is not heard.
@@ -544,7 +544,7 @@ class Mission:
         await self._connection.run(_mission_calls.jump_to(item))
 
     async def progress(self) -> MissionProgress:
-        """Returns how far the autopilot is with its mission, whoever has started it."""
+        """Returns the progress of the autopilot's mission, whichever program started it."""
         return await self._connection.run(_mission_calls.progress())
 
     def watch(self) -> AsyncIterator[MissionProgress]:

@@ -25,7 +25,7 @@ class TeamMembers(ABC):
         """Gives each UAV a command, all at the same moment. Returns the results by name."""
 
     async def info(self) -> dict[str, Info]:
-        """Returns who the UAV is and what it can do: backend, autopilot, capabilities, limits.
+        """Returns the identity of the UAV and its capabilities: backend, autopilot, capabilities, limits.
 
         See `ual.interface.Uav.info`.
 
@@ -179,7 +179,7 @@ class TeamMembers(ABC):
         await self.each(lambda _, uav: uav.disarm(timeout_s=timeout_s))
 
     async def lease_info(self) -> dict[str, LeaseInfo | None]:
-        """Returns who holds the lease; None where there is no lease.
+        """Returns the holder of the lease; None where there is no lease.
 
         See `ual.interface.Uav.lease_info`.
 

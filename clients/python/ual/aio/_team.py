@@ -38,13 +38,13 @@ class Team(Uncopied, TeamMembers, TaskCommands[All[Task]]):
 
     A command goes to all of them at the same moment, once each of them has answered; where one cannot be reached, none
     gets it. What ends a flight (`land`, `return_to_launch`, `abort`, `pause`) goes to all that can be reached. All are
-    waited for, also where one refuses or fails; then `TeamError` names who and why.
+    waited for, also where one refuses or fails; then `TeamError` names the UAV and the reason.
 
     Args:
         uavs: The namespaces of daemons on this computer, or addresses (``host:50051``, ``unix:/run/ual/uav_2.sock``).
             These are the names of the results.
         tls_ca: A file with the certificates to trust, for daemons that use TLS. Default: ``$UAL_TLS_CA``.
-        credentials: What shows the daemons who calls. Default: the environment's (`Credentials.from_environment`).
+        credentials: Credentials that the daemons check. Default: the environment's (`Credentials.from_environment`).
         network: Where names are looked for instead of on this computer; see `ual.Uav`.
 
     Raises:

@@ -148,7 +148,7 @@ class CameraInfo:
 
     Args:
         number: The number by which requests name it, while the daemon runs.
-        name: For people: vendor and model.
+        name: Human-readable: vendor and model.
         abilities: What it can do.
         is_connected: Whether messages of the camera arrive now.
         firmware_version: As it says; empty if it says nothing.

@@ -21,7 +21,7 @@ class Moves(Enum):
 
 
 class Kind(Enum):
-    """Kind of a client's call. Of a team, it says who gets it where one UAV cannot be reached."""
+    """Kind of a client's call. Of a team, it says which UAVs get it where one cannot be reached."""
 
     QUESTION = "all that can be reached are asked"
     CHANGE = "none gets it"

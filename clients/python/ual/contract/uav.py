@@ -331,7 +331,7 @@ class Telemetry(TelemetryBase):
     """One sample of everything known. What is not known is None.
 
     Args:
-        state_reason: Why the state is UNINITIALIZED; else what the state follows from. For people.
+        state_reason: Why the state is UNINITIALIZED; else what the state follows from. Human-readable.
         stamp_s: Time of the pose, UTC.
         frame_id: Frame of pose, velocity and reference_pose (``<ns>/odom``, or the configured `pose_frame_id`).
         velocity: Along the axes of the header's frame.

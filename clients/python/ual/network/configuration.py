@@ -31,7 +31,8 @@ _LISTEN, _BE_TOLD, _BE_ASKED, _PASS_ON = "to listen", "to be told", "to be asked
 
 Json = dict[str, Any]
 _Allowed = tuple[str, Sequence[str] | None, Sequence[str]]
-"""Some who may do something: what they are called, the names in their certificates (None: any), and which rules."""
+"""A group of certificates with the same rights: its name, the names in their certificates (None: any), and which rules.
+"""
 
 
 def of(settings: NetworkSettings) -> str:
@@ -122,8 +123,8 @@ def access_control(site: str, publishers: Sequence[str], observers: Sequence[str
 
 
 def _access_among_peers(site: str, publishers: Sequence[str]) -> Json:
-    """Returns the rules of a program on a LAN without routers: it takes each UAV's word from that UAV only, and tells
-    whoever has a certificate of the team.
+    """Returns the rules of a program on a LAN without routers: it takes each UAV's word from that UAV only, and reports
+    to every holder of a certificate of the team.
     """
     everything = [keys.all_of(site)]
     common = [

@@ -258,7 +258,7 @@ class Network:
             self._changed.notify_all()
 
     def _keep_asking(self) -> None:
-        """Asks who is there where signs of life and reports contradict each other."""
+        """Queries which publishers are present where signs of life and reports contradict each other."""
         links, pauses = LostLinks(self._session.info.links), _Pauses()
         while not self._closing.wait(_ASK_S):
             self._guard.contain(partial(self._poll, links, pauses))

@@ -178,15 +178,16 @@ class Roster:
         return max(1, -(-process.teller.uav_count // process.most_at_once))
 
     def doubtful(self, now_s: float) -> frozenset[str]:
-        """Returns the publishers whose signs of life and reports contradict each other: who is there must be asked.
+        """Returns the publishers whose signs of life and reports contradict each other: the present ones must be
+        queried.
 
-        After a router was started again, Zenoh sometimes keeps a sign of life from those who listened before.
+        After a router was started again, Zenoh sometimes keeps a sign of life from programs that listened before.
         """
         silent = {source.publisher for source, process in self._all() if process.is_silent(now_s)}
         return frozenset(silent | self._unannounced.keys())
 
     def on_answer(self, asked: Collection[str], present: Collection[Source], now_s: float) -> None:
-        """Takes the answer to the question who is there of some publishers."""
+        """Takes the answer to the query which of some publishers are present."""
         for publisher in asked:
             for source in self._unannounced.pop(publisher, set()) - set(present):
                 self._drop(publisher, f"{source.publisher} tells of UAVs, but shows no sign of life: dropped")

@@ -20,7 +20,7 @@ class UavReport:
     """Report of a daemon about one UAV.
 
     `addresses` are where to fly it, the best for other computers first, and `has_tls` whether TLS is spoken there.
-    `needed_role` is the role that a caller of another computer needs to fly it; empty: whoever reaches it may.
+    `needed_role` is the role that a caller of another computer needs to fly it; empty: every caller may.
     `is_watch_only`: no caller flies it.
     """
 
@@ -93,5 +93,5 @@ class NetworkUav:
         return self.gone_s is not None or now_s - self.heard_s > self.old_after_s
 
     def described(self) -> str:
-        """Returns its name, where it is and by whom it is told, human-readable."""
+        """Returns its name, where it is and its publisher, human-readable."""
         return f"{self.ns} at {', '.join(self.addresses) or 'no address'} on {self.teller.host} ({self.publisher})"

@@ -33,7 +33,7 @@ class File:
     def __init__(self, path: Path, metadata: Mapping[str, Mapping[str, str]]) -> None:
         self.path = path
         self._whole_bytes = self._first_bytes = 0
-        # Who was where is not for all users of the computer.
+        # The positions of UAVs are not for all users of the computer.
         self._raw = io.FileIO(path, "xb", opener=lambda name, flags: os.open(name, flags, whole_file.OWN))
         self._stream = io.BufferedWriter(self._raw)
         try:

@@ -83,7 +83,7 @@ class TelemetryTopics:
             self._write_transforms(output, transforms, entry.log_ns, entry.log_ns)
 
     def write_info(self, output: Output, entry: Entry) -> None:
-        """Writes who the UAV is, and what it can do."""
+        """Writes the identity of the UAV, and its capabilities."""
         message = uav.info_to_proto(entry.value)
         output.write(self._info_topic, message.SerializeToString(), entry.log_ns, entry.log_ns)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 MOST_BYTES = 1 << 20
 _WITHOUT_WAITING = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
-"""For who would write into a pipe. Windows has no such flags."""
+"""Protects against a write into a pipe. Windows has no such flags."""
 
 
 def read(path: Path) -> bytes:

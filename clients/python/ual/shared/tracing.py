@@ -101,7 +101,7 @@ def _last_export_s() -> float:
 
 
 class Tracing:
-    """Makes the spans of calls, of those who call and of those who answer."""
+    """Makes the spans of calls, of callers and of servers."""
 
     def __init__(self, provider: TracerProvider) -> None:
         from opentelemetry import context, propagate, trace

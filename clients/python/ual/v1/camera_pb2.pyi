@@ -219,7 +219,7 @@ class Camera(google.protobuf.message.Message):
     number: builtins.int
     """The number by which requests name it, while the daemon runs."""
     name: builtins.str
-    """For people: vendor and model."""
+    """Human-readable: vendor and model."""
     is_connected: builtins.bool
     """Whether messages of the camera arrive now."""
     firmware_version: builtins.str

@@ -90,7 +90,7 @@ class CorrectionsServiceStub(typing.Generic[_CorrectionsServiceStreamCorrections
     StreamCorrections: _CorrectionsServiceStreamCorrectionsType
     """A stream of RTCM 3, cut anywhere. It needs no lease, and one program sends at a time. Each message is checked (CRC-24Q),
     and only whole ones leave. Setpoints go first: what the link does not carry is dropped, the oldest first.
-    Errors: RESOURCE_EXHAUSTED (another program sends, whom the metadata `held_by` names; or it is too much),
+    Errors: RESOURCE_EXHAUSTED (another program sends; the metadata `held_by` names it; or it is too much),
     PERMISSION_DENIED (the daemon only watches).
     """
 
@@ -119,7 +119,7 @@ class CorrectionsServiceServicer(metaclass=abc.ABCMeta):
     ) -> typing.Union[ual.v1.corrections_pb2.StreamCorrectionsResponse, collections.abc.Awaitable[ual.v1.corrections_pb2.StreamCorrectionsResponse]]:
         """A stream of RTCM 3, cut anywhere. It needs no lease, and one program sends at a time. Each message is checked (CRC-24Q),
         and only whole ones leave. Setpoints go first: what the link does not carry is dropped, the oldest first.
-        Errors: RESOURCE_EXHAUSTED (another program sends, whom the metadata `held_by` names; or it is too much),
+        Errors: RESOURCE_EXHAUSTED (another program sends; the metadata `held_by` names it; or it is too much),
         PERMISSION_DENIED (the daemon only watches).
         """
 

@@ -206,7 +206,7 @@ class Gimbal(google.protobuf.message.Message):
     number: builtins.int
     """The number by which requests name it, while the daemon runs."""
     name: builtins.str
-    """For people."""
+    """Human-readable."""
     is_connected: builtins.bool
     """Whether messages of the gimbal arrive now."""
     frame_id: builtins.str

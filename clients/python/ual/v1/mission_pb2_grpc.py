@@ -110,7 +110,7 @@ class MissionServiceServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def DownloadMission(self, request, context):
-        """The mission that the autopilot has, read now, by whichever program it was uploaded.
+        """The mission that the autopilot has, read now, whichever program uploaded it.
         Errors: LINK_LOST, TIMEOUT.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
@@ -159,7 +159,7 @@ class MissionServiceServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def GetMissionProgress(self, request, context):
-        """Progress of the autopilot's mission, by whichever program it was started.
+        """Progress of the autopilot's mission, whichever program started it.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')

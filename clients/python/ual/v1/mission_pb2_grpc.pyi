@@ -291,7 +291,7 @@ class MissionServiceStub(typing.Generic[_MissionServicePlanMissionType, _Mission
     """
 
     DownloadMission: _MissionServiceDownloadMissionType
-    """The mission that the autopilot has, read now, by whichever program it was uploaded.
+    """The mission that the autopilot has, read now, whichever program uploaded it.
     Errors: LINK_LOST, TIMEOUT.
     """
 
@@ -319,7 +319,7 @@ class MissionServiceStub(typing.Generic[_MissionServicePlanMissionType, _Mission
     """
 
     GetMissionProgress: _MissionServiceGetMissionProgressType
-    """Progress of the autopilot's mission, by whichever program it was started."""
+    """Progress of the autopilot's mission, whichever program started it."""
 
     WatchMission: _MissionServiceWatchMissionType
     """The same on each change, until the caller ends it."""
@@ -398,7 +398,7 @@ class MissionServiceServicer(metaclass=abc.ABCMeta):
         request: ual.v1.mission_pb2.DownloadMissionRequest,
         context: _ServicerContext,
     ) -> typing.Union[ual.v1.mission_pb2.DownloadMissionResponse, collections.abc.Awaitable[ual.v1.mission_pb2.DownloadMissionResponse]]:
-        """The mission that the autopilot has, read now, by whichever program it was uploaded.
+        """The mission that the autopilot has, read now, whichever program uploaded it.
         Errors: LINK_LOST, TIMEOUT.
         """
 
@@ -456,7 +456,7 @@ class MissionServiceServicer(metaclass=abc.ABCMeta):
         request: ual.v1.mission_pb2.GetMissionProgressRequest,
         context: _ServicerContext,
     ) -> typing.Union[ual.v1.mission_pb2.GetMissionProgressResponse, collections.abc.Awaitable[ual.v1.mission_pb2.GetMissionProgressResponse]]:
-        """Progress of the autopilot's mission, by whichever program it was started."""
+        """Progress of the autopilot's mission, whichever program started it."""
 
     @abc.abstractmethod
     def WatchMission(

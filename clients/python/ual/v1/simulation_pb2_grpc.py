@@ -135,14 +135,14 @@ class SimulationServiceServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def PilotTakeOver(self, request, context):
-        """The safety pilot switches to manual flight. The UAV hovers until he moves the sticks.
+        """The safety pilot switches to manual flight. The UAV hovers until the sticks move.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def PilotMoveSticks(self, request, context):
-        """The safety pilot moves the sticks. Errors: WRONG_STATE while he does not fly.
+        """The safety pilot moves the sticks. Errors: WRONG_STATE while the pilot does not fly.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')

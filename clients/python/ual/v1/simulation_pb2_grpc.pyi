@@ -387,10 +387,10 @@ class SimulationServiceStub(typing.Generic[_SimulationServiceListPartsType, _Sim
     """The safety pilot disarms. Refused in the air."""
 
     PilotTakeOver: _SimulationServicePilotTakeOverType
-    """The safety pilot switches to manual flight. The UAV hovers until he moves the sticks."""
+    """The safety pilot switches to manual flight. The UAV hovers until the sticks move."""
 
     PilotMoveSticks: _SimulationServicePilotMoveSticksType
-    """The safety pilot moves the sticks. Errors: WRONG_STATE while he does not fly."""
+    """The safety pilot moves the sticks. Errors: WRONG_STATE while the pilot does not fly."""
 
     PilotGiveBack: _SimulationServicePilotGiveBackType
     """The safety pilot lets go of the sticks and switches the autopilot back to take references from the daemon."""
@@ -517,7 +517,7 @@ class SimulationServiceServicer(metaclass=abc.ABCMeta):
         request: ual.v1.simulation_pb2.PilotTakeOverRequest,
         context: _ServicerContext,
     ) -> typing.Union[ual.v1.simulation_pb2.PilotTakeOverResponse, collections.abc.Awaitable[ual.v1.simulation_pb2.PilotTakeOverResponse]]:
-        """The safety pilot switches to manual flight. The UAV hovers until he moves the sticks."""
+        """The safety pilot switches to manual flight. The UAV hovers until the sticks move."""
 
     @abc.abstractmethod
     def PilotMoveSticks(
@@ -525,7 +525,7 @@ class SimulationServiceServicer(metaclass=abc.ABCMeta):
         request: ual.v1.simulation_pb2.PilotMoveSticksRequest,
         context: _ServicerContext,
     ) -> typing.Union[ual.v1.simulation_pb2.PilotMoveSticksResponse, collections.abc.Awaitable[ual.v1.simulation_pb2.PilotMoveSticksResponse]]:
-        """The safety pilot moves the sticks. Errors: WRONG_STATE while he does not fly."""
+        """The safety pilot moves the sticks. Errors: WRONG_STATE while the pilot does not fly."""
 
     @abc.abstractmethod
     def PilotGiveBack(

@@ -753,7 +753,7 @@ class Telemetry(google.protobuf.message.Message):
     BATTERIES_FIELD_NUMBER: builtins.int
     state: Global___State.ValueType
     state_reason: builtins.str
-    """Why the state is UNINITIALIZED; else what the state follows from. For people."""
+    """Why the state is UNINITIALIZED; else what the state follows from. Human-readable."""
     flight_mode: builtins.str
     """The autopilot's own name of its mode, human-readable."""
     armed: builtins.bool
@@ -859,7 +859,7 @@ class TaskError(google.protobuf.message.Message):
     reason: builtins.str
     """One of the reasons at the top of this file."""
     message: builtins.str
-    """For people: what happened and what to do."""
+    """Human-readable: what happened and what to do."""
     @property
     def metadata(self) -> google.protobuf.internal.containers.ScalarMap[builtins.str, builtins.str]: ...
     def __init__(

@@ -54,7 +54,7 @@ def files(directory: Path, name: str) -> Files:
 
 
 def make_authority(directory: Path, name: str, days: float) -> Files:
-    """Makes an authority: whatever it signs is trusted by who trusts its certificate.
+    """Makes an authority: whatever it signs is trusted wherever its certificate is trusted.
 
     Raises:
         OSError: Its files are there already, or cannot be written.

@@ -36,7 +36,9 @@ class Router:
 
 @dataclass(frozen=True, slots=True)
 class NetworkSite:
-    """A network: its name, its routers, and who may publish and who may listen, by the names in certificates."""
+    """A network: its name, its routers, and the publishers and listeners that are allowed, by the names in
+    certificates.
+    """
 
     name: str
     routers: Sequence[Router]

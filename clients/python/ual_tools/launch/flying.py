@@ -21,7 +21,7 @@ _ON_GROUND = (State.LANDED_DISARMED, State.LANDED_ARMED)
 _DECIDED = (*_ON_GROUND, State.FLYING_AUTO, State.FLYING_MANUAL)
 """A take-off or landing that runs comes to its end first."""
 SENDS_NOTHING = "sends nothing"
-"""Part of the daemon's reason for a flight that is not UAL's any more (docs/reference/daemon.md, who flies)."""
+"""Part of the daemon's reason for a flight that is not UAL's any more (docs/concepts/who-flies.md)."""
 
 
 class Watched:

@@ -44,7 +44,7 @@ class Presses:
     def __call__(self) -> None:
         """Takes a signal."""
         now_s = self._clock()
-        if now_s - self._counted_s > ONE_PRESS_S:  # not since the last one: who presses again and again must be heard
+        if now_s - self._counted_s > ONE_PRESS_S:  # not since the last one: repeated presses must have an effect
             self._counted_s = now_s
             self._count += 1
             self._call(self._count)

@@ -73,7 +73,7 @@ class ClientRecording:
         self._recorder.put(topics.write_sample, self._recorder.clock.now_ns(), sample)
 
     def describe(self, uav: Uav) -> None:
-        """Records who a UAV is, as it is now."""
+        """Records the present identity of a UAV."""
         with self._lock:
             topics = self._topics.setdefault(uav.ns, TelemetryTopics(uav.ns))
         self._described[uav.ns] = uav.info()

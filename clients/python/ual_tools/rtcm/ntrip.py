@@ -102,7 +102,7 @@ class NtripSource(CorrectionsSource):
 def parse_caster(text: str) -> Caster:
     """Parses ``ntrip://[user[:password]@]host[:port]/mountpoint`` (``ntrips``: with TLS).
 
-    What shows who asks comes from the environment where it is not there, so that no list of processes has it.
+    Credentials come from the environment where it is not there, so that no list of processes has it.
     """
     url = urlsplit(text)
     try:

@@ -197,7 +197,7 @@ def _head(data: bytes) -> tuple[Head, bytes] | None:
     line = printable(first.decode(errors="replace"))
     if line.startswith("ICY "):  # version 1 has no headers; some casters add an empty line
         return Head(_status(line), line, {}, is_table=False), rest
-    if line.startswith("ERROR"):  # version 1: the mount point, or who asks
+    if line.startswith("ERROR"):  # version 1: the mount point, or the client
         return Head(401 if "password" in line.lower() else 400, line, {}, is_table=False), rest
     is_old_table = line.startswith("SOURCETABLE ")
     if not (is_old_table or line.startswith("HTTP/1.")):

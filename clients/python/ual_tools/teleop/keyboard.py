@@ -170,7 +170,7 @@ class Keyboard:
         """Does what the keys say.
 
         Args:
-            pilot: Who does it.
+            pilot: Executes the commands.
             read: What the terminal has sent since the last call.
             now_s: When.
             is_late: Whether the keys may have waited for a while. Then they can only end a motion.

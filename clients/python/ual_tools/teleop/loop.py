@@ -63,7 +63,7 @@ class Controls(Protocol):
         """Does what the device says.
 
         Args:
-            pilot: Who does it.
+            pilot: Executes the commands.
             read: What the terminal has sent since the last call.
             now_s: When (monotonic).
             is_late: Whether it may have waited for a while. Then it can only end a motion.

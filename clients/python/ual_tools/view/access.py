@@ -33,7 +33,7 @@ class PageAccess:
         return Guard(self.token, is_tls=self.tls is not None)
 
     def url(self, port: int) -> str:
-        """Returns the address of the page, with its token: who knows it may open the page."""
+        """Returns the address of the page, with its token: its holder may open the page."""
         host = f"[{self.host}]" if ":" in self.host else self.host
         token = f"?token={quote(self.token)}" if self.token else ""
         return f"{'http' if self.tls is None else 'https'}://{host}:{port}/{token}"

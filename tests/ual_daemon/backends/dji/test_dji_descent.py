@@ -128,7 +128,7 @@ def test_it_hovers_after_a_silence_until_it_is_commanded_again() -> None:
 
 
 def refuse_to_stop(backend: LockstepDji, count: int) -> list[tuple[float, int]]:
-    """The motors do not stop so many times. Returns when that was asked for, and who had the authority."""
+    """The motors do not stop so many times. Returns the time of the request, and the holder of the authority."""
     asked: list[tuple[float, int]] = []
     aircraft = backend.aircraft
     stop_motors = aircraft.stop_motors

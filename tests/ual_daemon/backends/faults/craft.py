@@ -93,7 +93,7 @@ class Craft(ABC):
         return self.seen.setpoints_s()
 
     def commands(self) -> list[tuple[float, str]]:
-        """The commands that arm, disarm, or change who flies, which have reached the vehicle, with their times."""
+        """The commands that arm, disarm, or change the control, which have reached the vehicle, with their times."""
         return self.seen.commands()
 
     @abstractmethod

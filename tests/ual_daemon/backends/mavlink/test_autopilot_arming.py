@@ -247,7 +247,7 @@ def test_what_the_pilot_takes_of_it_is_his(px4: Flight) -> None:
 def test_an_abort_in_the_moment_in_which_the_pilot_takes_it_is_refused(
     px4: Flight, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """By a snapshot with his mode that no update had judged yet, the abort asked for OFFBOARD."""
+    """By a snapshot with the pilot's mode that no update had assessed yet, the abort asked for OFFBOARD."""
     armed_into_a_flight(px4)
     px4.wait_for_state(State.FLYING_MANUAL)
     flight, refused = px4.uav.vehicle.commands._flight, list[str]()

@@ -575,7 +575,7 @@ def test_one_whose_lease_ends_in_a_silence_on_the_ground_is_stopped_once_it_is_o
     ("flight", "command"), [("px4", "abort"), ("px4", "lease"), ("ardupilot", "go_to_waypoint")], indirect=["flight"]
 )
 def test_who_takes_it_just_before_a_command_keeps_it(flight: Flight, command: str) -> None:
-    """While it was not known who, the state was still that of the mission, and the command took control from them."""
+    """While the cause was not known, the state was still that of the mission: the command took control from them."""
     flight.take_off()
     task = flight.uav.task(start(flight, [at(flight, FAR_M, 0), at(flight, FAR_M, FAR_M)]))
     flight.wait_for(lambda: "our mission" in flight.uav.telemetry().state_reason, "the mission")

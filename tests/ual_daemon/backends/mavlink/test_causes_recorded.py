@@ -1,4 +1,4 @@
-"""Recorded failsafes and take-overs of real autopilots: who or what took the control is named, and when."""
+"""Recorded failsafes and take-overs of real autopilots: what took the control is named, and when."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ TICK_S = 0.02
 
 
 class Held(NamedTuple):
-    """Since when the mode is one that does not take our references, who holds it, and what a task would say."""
+    """Since when the mode is one that does not take our references, what holds it, and what a task would say."""
 
     time_s: float
     mode: str

@@ -191,7 +191,7 @@ def test_a_link_that_is_lost_is_lost_for_all_and_comes_back_for_all() -> None:
 
 
 class LinkStub:
-    """A shared port, the parts of it for two systems, and one who sends to it."""
+    """A shared port, the parts of it for two systems, and a sender to it."""
 
     def __init__(self) -> None:
         self.port = free_port()

@@ -253,7 +253,7 @@ def test_a_failsafe_that_holds_at_the_last_item_is_no_end_of_the_mission(lab: La
 
 
 def test_an_item_that_was_reached_in_a_flight_before_is_none_of_this_one(lab: Lab) -> None:
-    """Whoever held it was then told as its end, and UAL took the control back from them."""
+    """The holder was then reported as its end, and UAL took the control back from them."""
     lab.offer.told = MissionReport(MissionStage.ACTIVE, 1, 1, 0.0, 5, reached_s=0.0)
     assert lab.mission.reached(lab.offer.told) is None
     lab.fly()

@@ -78,7 +78,7 @@ def test_with_a_checksum_it_is_read_only_where_that_changes() -> None:
 
 
 def test_a_time_in_which_no_step_is_made_is_none_of_the_read() -> None:
-    """While it was open who had chosen a mode (0.4 s) it counted, and the next read came a second later."""
+    """While the cause of a mode was open (0.4 s) it counted, and the next read came a second later."""
     offer = Missions()
     watch = MissionWatch(offer, KEPT)
     tell(offer, 0, 4, 0)

@@ -1,4 +1,4 @@
-"""The lease by itself: who has it, how it ends, and what is refused meanwhile."""
+"""The lease by itself: its holder, how it ends, and what is refused meanwhile."""
 
 from __future__ import annotations
 

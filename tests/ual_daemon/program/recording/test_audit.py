@@ -1,4 +1,4 @@
-"""The audit of a daemon: each call that changes something, in order, with who called and what came of it."""
+"""The audit of a daemon: each call that changes something, in order, with the caller and the result."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A served UAV, and every way in to it: who calls from where, and what it shows."""
+"""A served UAV, and every entrance to it: the origin of a caller, and its credentials."""
 
 from __future__ import annotations
 

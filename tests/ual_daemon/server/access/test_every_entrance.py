@@ -68,7 +68,7 @@ def status(channel: grpc.Channel, method: str, metadata: tuple[tuple[str, str], 
 
 
 def expected(way: Variant, method: str) -> grpc.StatusCode | None:
-    """The status by which it is refused because of who calls; None where it is not."""
+    """The status by which it is refused because of the caller; None where it is not."""
     if way.role is None:
         return grpc.StatusCode.UNAVAILABLE  # no TLS connection
     if way.role is Role.NONE:

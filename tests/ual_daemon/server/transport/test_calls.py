@@ -262,7 +262,7 @@ def test_metadata_that_are_none_get_a_status_and_one_kind_of_row(
     serving = taking(transport, lambda call: call.finish(b"answer"))
     address = loop.run(serving.__aenter__())
     for number in range(3):
-        assert b"answer" in answer_to(address, {b"ual-ns": b"\xff%d" % number})  # who takes the call judges it
+        assert b"answer" in answer_to(address, {b"ual-ns": b"\xff%d" % number})  # the handler of the call judges it
     for damaged, words in (({b"x-bin": b"!!!"}, b"illegal base64"), ({b"UAL": b"x"}, b"Illegal header key")):
         answer = answer_to(address, damaged)
         assert words in answer or RESET in answer

@@ -122,7 +122,7 @@ class HttpPictures:
         return NotSupportedError(text, {"host": host})
 
     def _fetched(self, url: str, end_s: float) -> FetchedPicture:
-        from http.client import HTTPException  # late: only those wait for it who want pictures
+        from http.client import HTTPException  # late: only callers that want pictures wait for it
 
         exchange = _Exchange(url, end_s)
         with self._lock:

@@ -42,8 +42,9 @@ _GOES_ON = (mavlink.MAV_RESULT_ACCEPTED, mavlink.MAV_RESULT_IN_PROGRESS)
 
 
 class CameraSender(NamedTuple):
-    """Line to one camera: it sends a command, its parameters, and the number of attempts before. `name` is for
-    people.
+    """Sender to one camera: it sends a command, its parameters, and the number of attempts before.
+
+    `name` is human-readable.
     """
 
     command: Callable[[int, Sequence[float], int], object]

@@ -57,7 +57,7 @@ class _Request(Exchange[MetadataFile]):
 
 
 class ComponentMetadata(Protocol):
-    """Belongs to the thread that receives. All who ask while it is asked for get one answer each, in turn."""
+    """Belongs to the thread that receives. All callers during the request get one answer each, in turn."""
 
     def __init__(self, send: Callable[[Message], object]) -> None:
         self._send = send

@@ -13,7 +13,7 @@ _log = logging.getLogger(__name__)
 
 
 class PayloadMessages:
-    """Passes messages to those who listen to their ids. Only `on_message` belongs to the thread that receives."""
+    """Passes messages to the listeners for their ids. Only `on_message` belongs to the thread that receives."""
 
     def __init__(self) -> None:
         self.ids: frozenset[int] = frozenset()

@@ -44,7 +44,7 @@ class SequenceGaps:
 
     def __init__(self) -> None:
         self.next: int | None = None
-        """The number with which nothing is lost: whoever finds it may count it on by himself. None where there is none,
+        """The number with which nothing is lost: the finder may count on from it. None where there is none,
         or others are missing."""
         self._newest: int | None = None
         self._missing: set[int] = set()

@@ -284,7 +284,7 @@ class FrameReader:
 
 @dataclass(slots=True)
 class _FrameSource:
-    """One who sends pieces of frames."""
+    """A sender of pieces of frames."""
 
     begun: bytes = b""
     """The beginning of a frame that is not complete."""

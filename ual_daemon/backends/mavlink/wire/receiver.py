@@ -48,12 +48,12 @@ class Selector(Protocol):
     """Selects the autopilot whose messages are received."""
 
     def is_wanted(self, source: MessageSource, heartbeat: Message) -> bool:
-        """Returns whether who sends a heartbeat may be selected at all."""
+        """Returns whether the sender of a heartbeat may be selected at all."""
 
     def on_heartbeat(
         self, source: MessageSource, heartbeat: Message, address: Address | None, now_s: float
     ) -> MessageHandler | None:
-        """Takes a wanted heartbeat while none is selected. Returns the handler that selects who sent it."""
+        """Takes a wanted heartbeat while none is selected. Returns the handler that selects its sender."""
 
     def is_stray(self, now_s: float) -> bool:
         """Returns whether the selected one was heard once, and then no more: another one may be selected instead."""
@@ -64,7 +64,7 @@ class Selector(Protocol):
         """Takes note of any other heartbeat."""
 
     def is_successor(self, source: MessageSource, now_s: float) -> bool:
-        """Returns whether who sends another heartbeat is the selected autopilot, which has got another system id."""
+        """Returns whether the sender of another heartbeat is the selected autopilot, with another system id."""
 
     def is_component_wanted(self, frame: MavlinkFrame) -> bool:
         """Returns whether a frame of another component of the selected autopilot's system is worth decoding."""
@@ -76,7 +76,7 @@ class Selector(Protocol):
 class Receiver:
     """Finds frames, checks their senders and signatures, decodes them, and passes them to the handler.
 
-    Not thread-safe: belongs to the thread that receives. Of all who send, only heartbeats count until the `selector`
+    Not thread-safe: belongs to the thread that receives. Of all senders, only heartbeats count until the `selector`
     has selected one; then only that one's messages do. With a `signer` only signed messages are accepted. What comes
     and is not taken is noted in `untaken`.
 
@@ -303,6 +303,6 @@ class Receiver:
 
 
 def source_text(source: MessageSource) -> str:
-    """Returns who sends, human-readable; component 1 is the autopilot's own, and goes without saying."""
+    """Returns the sender, human-readable; component 1 is the autopilot's own, and goes without saying."""
     component = "" if source.component_id == mavlink.MAV_COMP_ID_AUTOPILOT1 else f", component {source.component_id}"
     return f"system {source.system_id}{component}"

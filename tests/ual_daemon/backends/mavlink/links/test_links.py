@@ -155,7 +155,7 @@ def test_a_half_open_connection_shows_by_its_silence(server: socket.socket) -> N
 
 
 def fill(run: Run) -> int:
-    """Sends to one who reads nothing, until nothing leaves any more. Returns how many bytes were taken to be sent."""
+    """Sends to a peer that reads nothing, until nothing leaves any more. Returns the number of bytes taken."""
     frames = itertools.takewhile(lambda _: run.connection.send(b"f" * 64), itertools.repeat(64))
     return sum(frames)
 
