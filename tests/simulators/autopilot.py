@@ -20,6 +20,8 @@ from tests.simulators.files import FileStore
 from tests.simulators.mission_flight import MissionFlight
 from tests.simulators.mission_store import MISSION, MissionStore, Sender
 from tests.simulators.mount import Mount
+from tests.simulators.parachute import COMMAND as PARACHUTE
+from tests.simulators.parachute import Parachute
 from tests.simulators.physics import ZERO, Agility, Body, Target, Vector, Wander, control, minus, plus, wrap
 from tests.simulators.satellite_receiver import SatelliteReceiver
 from tests.simulators.trigger import Trigger
@@ -134,6 +136,7 @@ class Autopilot(ABC):
         """Names of parameters that it never sends."""
         self.builders: dict[int, Callable[[], Message | None]] = self._builders()
         self.mount: Mount | None = None
+        self.parachute: Parachute | None = None
         """Its gimbal."""
         self.trigger: Trigger | None = None
         """Its camera."""
@@ -459,9 +462,20 @@ class Autopilot(ABC):
             for other in self.channels:
                 if other is not channel:
                     other.port.send(frame.data, self.elapsed_s)
+        if self._take_parachute(message, Sender(channel, frame.system_id, frame.component_id)):
+            return
         is_ours = target[0] in (0, self.system_id) and target[1] in (0, self.component_id)
         if handler is not None and is_ours and frame.message_id not in self.ignored:
             handler(message, Sender(channel, frame.system_id, frame.component_id))
+
+    def _take_parachute(self, message: Message, sender: Sender) -> bool:
+        """Returns whether a command is for the parachute, which then has taken it."""
+        if self.parachute is None or getattr(message, "command", None) != PARACHUTE:
+            return False
+        if message.target_component == self.parachute.component_id:
+            self.parachute.on_command(message, sender)
+            return True
+        return False
 
     def _on_command_long(self, message: Message, sender: Sender) -> None:
         params = tuple(float(getattr(message, f"param{number}")) for number in range(1, 8))

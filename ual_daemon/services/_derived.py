@@ -28,6 +28,7 @@ from ual_daemon.services.gimbals import VehicleGimbals
 from ual_daemon.services.gripper import EquippedVehicle, VehicleGripper
 from ual_daemon.services.logs import VehicleLogs
 from ual_daemon.services.mission import VehicleMission
+from ual_daemon.services.parachute import VehicleParachute
 from ual_daemon.services.parameters import VehicleParameters
 from ual_daemon.services.vehicle import CommandedVehicle, GimbalVehicle, LocatedVehicle, ServedVehicle
 
@@ -348,6 +349,26 @@ class Mission(interface.Mission):
         return answers(self._of_vehicle.watch(), "WatchMission")
 
 
+class Parachute(interface.Parachute):
+    """`ual.interface.Parachute`, in this process."""
+
+    def __init__(self, vehicle: EquippedVehicle, lease_id: Callable[[], str]) -> None:
+        self._of_vehicle = VehicleParachute(vehicle)
+        self._lease_id = lease_id
+
+    @override
+    def enable(self) -> None:
+        answer(self._of_vehicle.enable(lease_id=self._lease_id()), "EnableParachute")
+
+    @override
+    def disable(self) -> None:
+        answer(self._of_vehicle.disable(lease_id=self._lease_id()), "DisableParachute")
+
+    @override
+    def release(self) -> None:
+        answer(self._of_vehicle.release(lease_id=self._lease_id()), "ReleaseParachute")
+
+
 class Parameters(interface.Parameters):
     """`ual.interface.Parameters`, in this process."""
 
@@ -385,6 +406,7 @@ class Parts:
         self.gripper = Gripper(vehicle, lease_id)
         self.logs = Logs(vehicle)
         self.mission = Mission(vehicle, lease_id)
+        self.parachute = Parachute(vehicle, lease_id)
         self.parameters = Parameters(vehicle, lease_id)
 
 
@@ -430,6 +452,11 @@ class PartMembers(interface.Uav):
     @override
     def mission(self) -> Mission:
         return self._parts.mission
+
+    @property
+    @override
+    def parachute(self) -> Parachute:
+        return self._parts.parachute
 
     @property
     @override

@@ -16,6 +16,7 @@ from ual._service_calls import gimbal as _gimbal_calls
 from ual._service_calls import gripper as _gripper_calls
 from ual._service_calls import logs as _logs_calls
 from ual._service_calls import mission as _mission_calls
+from ual._service_calls import parachute as _parachute_calls
 from ual._service_calls import parameters as _parameters_calls
 from ual.cameras import CameraInfo, CameraMode, CameraStatus, Image, ImageKind, Photo, VideoStream
 from ual.corrections import CorrectionsStatus
@@ -351,6 +352,28 @@ class Mission(interface.Mission):
         return self._connection.iterate(_mission_calls.watch())
 
 
+class Parachute(interface.Parachute):
+    """`ual.interface.Parachute`, over gRPC."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+
+    def __repr__(self) -> str:
+        return f"<Parachute of {self._connection.described}>"
+
+    @override
+    def enable(self) -> None:
+        self._connection.run(_parachute_calls.enable())
+
+    @override
+    def disable(self) -> None:
+        self._connection.run(_parachute_calls.disable())
+
+    @override
+    def release(self) -> None:
+        self._connection.run(_parachute_calls.release())
+
+
 class Parameters(interface.Parameters):
     """`ual.interface.Parameters`, over gRPC."""
 
@@ -384,6 +407,7 @@ class Parts:
         self.gripper = Gripper(connection)
         self.logs = Logs(connection)
         self.mission = Mission(connection)
+        self.parachute = Parachute(connection)
         self.parameters = Parameters(connection)
 
 
@@ -426,6 +450,11 @@ class PartMembers(interface.Uav):
     @override
     def mission(self) -> Mission:
         return self._parts.mission
+
+    @property
+    @override
+    def parachute(self) -> Parachute:
+        return self._parts.parachute
 
     @property
     @override

@@ -592,6 +592,38 @@ class Gripper(Protocol):
         ...
 
 
+class Parachute(Protocol):
+    """The parachute that it carries. See ``ual/v1/parachute.proto``.
+
+    It is a part of an ArduPilot, or a component of the vehicle beside whatever autopilot.
+
+    Raises:
+        NotSupportedError: There is no parachute.
+        WrongStateError: Another order is under way.
+        TaskAbortedError: A release has replaced it.
+        LeaseHeldError: Another program holds the lease.
+        RejectedByAutopilotError: It refuses, in its own words.
+        LinkLostError: It is not heard.
+        UalTimeoutError: It is not known whether it was obeyed.
+    """
+
+    def enable(self) -> None:
+        """Lets it be released, also by the autopilot itself. Returns once that is acknowledged."""
+        ...
+
+    def disable(self) -> None:
+        """Keeps it from being released. Returns once that is acknowledged."""
+        ...
+
+    def release(self) -> None:
+        """Releases it: the motors stop, and the UAV falls.
+
+        Replaces another order. Returns once that is acknowledged. ArduPilot acknowledges it also where it does not do
+        it, as below its least height; its texts say why.
+        """
+        ...
+
+
 class Gimbal(Protocol):
     """One gimbal of a UAV. The manual is ``docs/how-to/gimbals.md``.
 
@@ -1624,6 +1656,11 @@ class Uav(TaskCommands[Task]):
     @abstractmethod
     def gripper(self) -> Gripper:
         """The grippers, winches, servos and relays that it carries."""
+
+    @property
+    @abstractmethod
+    def parachute(self) -> Parachute:
+        """The parachute that it carries."""
 
     @property
     @abstractmethod

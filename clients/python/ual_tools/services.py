@@ -5,6 +5,51 @@ from __future__ import annotations
 import click
 
 from ual_tools import cameras, fence, gimbals, gripper, logs, parameters
+from ual_tools.app import UalCommand, UalGroup
+from ual_tools.help import Section
+from ual_tools.session import CommandSession, pass_session
+
+
+@click.group(
+    "parachute",
+    cls=UalGroup,
+    section=Section.CARRIED,
+    examples=(
+        "ual parachute enable",
+        "ual parachute disable",
+        "ual parachute release",
+    ),
+)
+def parachute() -> None:
+    """The parachute that it carries."""
+
+
+@parachute.command("enable", cls=UalCommand, examples=("ual parachute enable",))
+@pass_session
+def _parachute_enable(session: CommandSession) -> None:
+    """Lets it be released, also by the autopilot itself. Returns once that is acknowledged."""
+    with session.connect() as uav:
+        uav.parachute.enable()
+    session.emit({"done": "parachute enable"}, "done")
+
+
+@parachute.command("disable", cls=UalCommand, examples=("ual parachute disable",))
+@pass_session
+def _parachute_disable(session: CommandSession) -> None:
+    """Keeps it from being released. Returns once that is acknowledged."""
+    with session.connect() as uav:
+        uav.parachute.disable()
+    session.emit({"done": "parachute disable"}, "done")
+
+
+@parachute.command("release", cls=UalCommand, examples=("ual parachute release",))
+@pass_session
+def _parachute_release(session: CommandSession) -> None:
+    """Releases it: the motors stop, and the UAV falls."""
+    with session.connect() as uav:
+        uav.parachute.release()
+    session.emit({"done": "parachute release"}, "done")
+
 
 COMMANDS: tuple[click.Command, ...] = (
     *cameras.COMMANDS,
@@ -13,4 +58,5 @@ COMMANDS: tuple[click.Command, ...] = (
     *gripper.COMMANDS,
     *logs.COMMANDS,
     *parameters.COMMANDS,
+    parachute,
 )

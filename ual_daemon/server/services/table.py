@@ -13,6 +13,7 @@ from ual.v1 import (
     gripper_pb2_grpc,
     logs_pb2_grpc,
     mission_pb2_grpc,
+    parachute_pb2_grpc,
     parameters_pb2_grpc,
 )
 from ual_daemon.server.services.camera import CameraServicer
@@ -22,6 +23,7 @@ from ual_daemon.server.services.gimbal import GimbalServicer
 from ual_daemon.server.services.gripper import GripperServicer
 from ual_daemon.server.services.logs import LogServicer
 from ual_daemon.server.services.mission import MissionServicer
+from ual_daemon.server.services.parachute import ParachuteServicer
 from ual_daemon.server.services.parameters import ParameterServicer
 
 SERVICES: Sequence[tuple[str, Callable[..., None], Callable[[Any], object]]] = (
@@ -32,6 +34,7 @@ SERVICES: Sequence[tuple[str, Callable[..., None], Callable[[Any], object]]] = (
     ("ual.v1.GripperService", gripper_pb2_grpc.add_GripperServiceServicer_to_server, GripperServicer),
     ("ual.v1.LogService", logs_pb2_grpc.add_LogServiceServicer_to_server, LogServicer),
     ("ual.v1.MissionService", mission_pb2_grpc.add_MissionServiceServicer_to_server, MissionServicer),
+    ("ual.v1.ParachuteService", parachute_pb2_grpc.add_ParachuteServiceServicer_to_server, ParachuteServicer),
     ("ual.v1.ParameterService", parameters_pb2_grpc.add_ParameterServiceServicer_to_server, ParameterServicer),
 )
 """The name of each, what registers its servicer, and what makes that for a vehicle."""

@@ -13,6 +13,7 @@ from ual.v1 import (
     gripper_pb2_grpc,
     logs_pb2_grpc,
     mission_pb2_grpc,
+    parachute_pb2_grpc,
     parameters_pb2_grpc,
     simulation_pb2_grpc,
     ual_pb2_grpc,
@@ -27,6 +28,7 @@ STUBS: Mapping[str, Callable[[Any], Any]] = {
     "GripperService": gripper_pb2_grpc.GripperServiceStub,
     "LogService": logs_pb2_grpc.LogServiceStub,
     "MissionService": mission_pb2_grpc.MissionServiceStub,
+    "ParachuteService": parachute_pb2_grpc.ParachuteServiceStub,
     "ParameterService": parameters_pb2_grpc.ParameterServiceStub,
     "SimulationService": simulation_pb2_grpc.SimulationServiceStub,
 }

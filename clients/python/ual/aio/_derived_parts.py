@@ -11,6 +11,7 @@ from ual._service_calls import gimbal as _gimbal_calls
 from ual._service_calls import gripper as _gripper_calls
 from ual._service_calls import logs as _logs_calls
 from ual._service_calls import mission as _mission_calls
+from ual._service_calls import parachute as _parachute_calls
 from ual._service_calls import parameters as _parameters_calls
 from ual.aio._connection import Connection
 from ual.aio._corrections import CorrectionsBase
@@ -552,6 +553,33 @@ class Mission:
         return self._connection.iterate(_mission_calls.watch())
 
 
+class Parachute:
+    """`ual.interface.Parachute`, over gRPC."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+
+    def __repr__(self) -> str:
+        return f"<Parachute of {self._connection.described}>"
+
+    async def enable(self) -> None:
+        """Lets it be released, also by the autopilot itself. Returns once that is acknowledged."""
+        await self._connection.run(_parachute_calls.enable())
+
+    async def disable(self) -> None:
+        """Keeps it from being released. Returns once that is acknowledged."""
+        await self._connection.run(_parachute_calls.disable())
+
+    async def release(self) -> None:
+        """Releases it: the motors stop, and the UAV falls.
+
+        Replaces another order. Returns once that is acknowledged. ArduPilot acknowledges it also where it does not do
+        it, as below its least height; its texts say why.
+
+        """
+        await self._connection.run(_parachute_calls.release())
+
+
 class Parameters:
     """`ual.interface.Parameters`, over gRPC."""
 
@@ -614,6 +642,7 @@ class Parts:
         self.gripper = Gripper(connection)
         self.logs = Logs(connection)
         self.mission = Mission(connection)
+        self.parachute = Parachute(connection)
         self.parameters = Parameters(connection)
 
 
@@ -656,6 +685,11 @@ class PartMembers:
     def mission(self) -> Mission:
         """The mission that the autopilot flies by itself."""
         return self._parts.mission
+
+    @property
+    def parachute(self) -> Parachute:
+        """The parachute that it carries."""
+        return self._parts.parachute
 
     @property
     def parameters(self) -> Parameters:

@@ -10,6 +10,7 @@ from ual.conformance import (
     own_gripper,
     own_logs,
     own_missions,
+    own_parachute,
     own_parameters,
 )
 
@@ -21,6 +22,7 @@ ON_GROUND = (
     *own_gripper.ON_GROUND,
     *own_logs.ON_GROUND,
     *own_missions.ON_GROUND,
+    *own_parachute.ON_GROUND,
     *own_parameters.ON_GROUND,
 )
 IN_FLIGHT = (*own_fence.IN_FLIGHT, *own_missions.IN_FLIGHT, *own_parameters.IN_FLIGHT)

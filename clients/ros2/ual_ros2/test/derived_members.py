@@ -11,7 +11,9 @@ from typing import Any, Final
 from derived_values import (
     ask_clear_fence,
     ask_clear_mission,
+    ask_disable_parachute,
     ask_download_mission,
+    ask_enable_parachute,
     ask_fly_mission,
     ask_get_camera_status,
     ask_get_corrections_status,
@@ -36,6 +38,7 @@ from derived_values import (
     ask_point_gimbal,
     ask_release,
     ask_release_gimbal_control,
+    ask_release_parachute,
     ask_resume_mission,
     ask_retract_gimbal,
     ask_set_camera_focus,
@@ -198,6 +201,9 @@ MEMBERS: Final[Mapping[tuple[str, str], Member]] = {
         ask_get_mission_progress,
         lambda answer: read_mission_progress(answer.progress),
     ),
+    ("parachute", "enable"): Member(Trigger, "enable_parachute", ask_enable_parachute, nothing),
+    ("parachute", "disable"): Member(Trigger, "disable_parachute", ask_disable_parachute, nothing),
+    ("parachute", "release"): Member(Trigger, "release_parachute", ask_release_parachute, nothing),
     ("parameters", "get"): Member(
         srv.GetParameter, "get_parameter", ask_get_parameter, lambda answer: read_parameter(answer.parameter)
     ),
@@ -287,6 +293,11 @@ class ServiceMembers(ual.interface.Uav):
     @property
     def gripper(self) -> ual.interface.Gripper:
         found: ual.interface.Gripper = self._services.gripper
+        return found
+
+    @property
+    def parachute(self) -> ual.interface.Parachute:
+        found: ual.interface.Parachute = self._services.parachute
         return found
 
     @property

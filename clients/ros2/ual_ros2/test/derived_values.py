@@ -650,6 +650,21 @@ def ask_get_mission_progress() -> Fields:
     return {}
 
 
+def ask_enable_parachute() -> Fields:
+    """Returns the request of enable_parachute."""
+    return {}
+
+
+def ask_disable_parachute() -> Fields:
+    """Returns the request of disable_parachute."""
+    return {}
+
+
+def ask_release_parachute() -> Fields:
+    """Returns the request of release_parachute."""
+    return {}
+
+
 def ask_get_parameter(*, name: Any) -> Fields:
     """Returns the request of get_parameter."""
     return {

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
-from ual_daemon.backends.mavlink.offers import gripper
+from ual_daemon.backends.mavlink.offers import gripper, parachute
 from ual_daemon.backends.mavlink.offers.protocol_access import Orders
 
 
 def offers(orders: Orders) -> tuple[object, ...]:
     """Returns what is offered."""
-    return (gripper.make_driver(orders),)
+    return (
+        gripper.make_driver(orders),
+        parachute.make_driver(orders),
+    )

@@ -350,6 +350,24 @@ async def get_mission_progress(uav: ual.aio.Uav, _: Message) -> Fields:
     }
 
 
+async def enable_parachute(uav: ual.aio.Uav, _: Message) -> Fields:
+    """Serves Trigger."""
+    await uav.parachute.enable()
+    return {}
+
+
+async def disable_parachute(uav: ual.aio.Uav, _: Message) -> Fields:
+    """Serves Trigger."""
+    await uav.parachute.disable()
+    return {}
+
+
+async def release_parachute(uav: ual.aio.Uav, _: Message) -> Fields:
+    """Serves Trigger."""
+    await uav.parachute.release()
+    return {}
+
+
 async def get_parameter(uav: ual.aio.Uav, request: Message) -> Fields:
     """Serves GetParameter."""
     found = await uav.parameters.get(name=request.name)
@@ -548,6 +566,9 @@ CALLS: Final[Mapping[str, Serves]] = {
     "resume_mission": resume_mission,
     "jump_to_item": jump_to_item,
     "get_mission_progress": get_mission_progress,
+    "enable_parachute": enable_parachute,
+    "disable_parachute": disable_parachute,
+    "release_parachute": release_parachute,
     "get_parameter": get_parameter,
     "list_parameters": list_parameters,
     "set_parameter": set_parameter,

@@ -1,0 +1,98 @@
+"""The parachute of a UAV: that of a light one, of an ArduPilot, and a component beside either autopilot."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from concurrent.futures import Future
+
+import pytest
+
+from tests.simulators.parachute import Parachute
+from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
+from ual.errors import LeaseHeldError, LinkLostError, NotSupportedError, RejectedByAutopilotError, WrongStateError
+from ual.types import State
+from ual_daemon import UAL
+from ual_daemon.backends.base import BackendOptions
+from ual_daemon.backends.light.backend import LightBackend
+from ual_daemon.backends.light.parachute import LightParachute
+from ual_daemon.backends.offers.parachute import ParachuteDriver, ParachuteAction
+from ual_daemon.services.parachute import VehicleParachute
+
+DISABLE, ENABLE, RELEASE = ParachuteAction
+BY_AUTOPILOT = "ardupilot"
+
+
+@pytest.fixture
+def start() -> Iterator[Callable[[str], Flight]]:
+    """Starts the flight of a simulated autopilot."""
+    flights: list[Flight] = []
+
+    def started(kind: str) -> Flight:
+        flights.append(Flight(kind))
+        flights[-1].wait_for_state(State.LANDED_DISARMED)
+        return flights[-1]
+
+    yield started
+    for each in flights:
+        each.uav.close()
+
+
+@pytest.mark.parametrize(("kind", "is_component"), [(BY_AUTOPILOT, False), (BY_AUTOPILOT, True), ("px4", True)])
+def test_it_obeys_and_refuses_in_its_own_words(start: Callable[[str], Flight], kind: str, is_component: bool) -> None:
+    flight = start(kind)
+    carried = Parachute(flight.autopilot, is_component=is_component)
+    flight.let_pass(1.5)
+    parachute = flight.uav.parachute
+    with pytest.raises(RejectedByAutopilotError, match="DENIED"):
+        parachute.release()
+    carried.failures = 2  # so it is sent again
+    parachute.enable()
+    parachute.release()
+    parachute.disable()
+    assert carried.orders == [RELEASE, ENABLE, RELEASE, DISABLE]
+
+
+def test_beside_a_px4_there_is_none_unless_one_is_heard(start: Callable[[str], Flight]) -> None:
+    flight = start("px4")
+    with pytest.raises(NotSupportedError, match="no component 161 is heard"):
+        flight.uav.parachute.release()
+
+
+def test_a_light_one_opens_only_while_it_is_enabled() -> None:
+    is_link_lost = False
+    parachute = LightParachute(lambda: is_link_lost)
+    assert isinstance(parachute.order(RELEASE).exception(0), RejectedByAutopilotError)
+    assert parachute.order(ENABLE).result(0) is None
+    assert not parachute.is_released
+    is_link_lost = True
+    assert isinstance(parachute.order(RELEASE).exception(0), LinkLostError)
+    is_link_lost = False
+    assert parachute.order(RELEASE).result(0) is None
+    assert parachute.is_released
+
+
+def test_an_order_needs_the_lease_and_a_release_replaces_another_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    with UAL(LightBackend(BackendOptions("uav_1"))) as uav:
+        uav.parachute.enable()
+        of_other = uav.vehicle.acquire_lease("other", "other", take=False, lease_id="")
+        with pytest.raises(LeaseHeldError):
+            uav.parachute.release()
+        service, answers = VehicleParachute(uav.vehicle), Unanswered()
+        monkeypatch.setattr(uav.vehicle, "offer", lambda _: answers)
+        enabling = service.enable(of_other)
+        with pytest.raises(WrongStateError, match="busy"):
+            service.disable(of_other)
+        service.release(of_other)
+        assert enabling.exception(0) is not None
+        assert answers.orders == [ENABLE, RELEASE]
+
+
+class Unanswered(ParachuteDriver):
+    """A parachute that acknowledges nothing."""
+
+    def __init__(self) -> None:
+        self.orders: list[ParachuteAction] = []
+
+    def order(self, action: ParachuteAction) -> Future[None]:
+        self.orders.append(action)
+        return Future()
