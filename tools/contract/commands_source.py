@@ -47,7 +47,8 @@ def _command(part: ContractPart, member: PartMember) -> str:
     arguments = "".join(f", {each.arg}: {ast.unparse(each.annotation)}" for each in member.arguments if each.annotation)
     call = f"uav.{part.module}.{member.name}({member.passed() if member.arguments else ''})"
     done = f'    session.emit({{"done": "{part.module} {name}"}}, "done")\n'
-    told = "    session.emit(found, str(found))\n"
+    shown = f'{{"{member.name}": found}}' if member.returned in (*_TYPES, "bool") else "found"
+    told = f"    session.emit({shown}, str(found))\n"
     is_told = member.returned != "None"
     return (
         f'\n\n@{part.module}.command("{name}", cls=UalCommand, examples=("{_example(part, member)}",))\n'

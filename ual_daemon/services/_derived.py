@@ -357,6 +357,10 @@ class Parachute(interface.Parachute):
         self._lease_id = lease_id
 
     @override
+    def ordered(self) -> str:
+        return self._of_vehicle.ordered()
+
+    @override
     def enable(self) -> None:
         answer(self._of_vehicle.enable(lease_id=self._lease_id()), "EnableParachute")
 

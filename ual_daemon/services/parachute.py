@@ -5,7 +5,7 @@ from __future__ import annotations
 from concurrent.futures import Future
 from functools import partial
 
-from ual_daemon.backends.offers.parachute import ParachuteDriver, ParachuteAction
+from ual_daemon.backends.offers.parachute import ParachuteAction, ParachuteDriver
 from ual_daemon.services.gripper import EquippedVehicle
 from ual_daemon.services.vehicle import driver_of, require_change
 from ual_daemon.vehicle.equipment import PayloadDevice
@@ -18,6 +18,10 @@ class VehicleParachute:
 
     def __init__(self, vehicle: EquippedVehicle) -> None:
         self._vehicle = vehicle
+
+    def ordered(self) -> str:
+        """See `ual.interface.Parachute`."""
+        return self._vehicle.equipment.ordered(_PARACHUTE)
 
     def enable(self, lease_id: str) -> Future[None]:
         """See `ual.interface.Parachute`."""

@@ -362,6 +362,10 @@ class Parachute(interface.Parachute):
         return f"<Parachute of {self._connection.described}>"
 
     @override
+    def ordered(self) -> str:
+        return self._connection.run(_parachute_calls.ordered())
+
+    @override
     def enable(self) -> None:
         self._connection.run(_parachute_calls.enable())
 

@@ -607,6 +607,13 @@ class Parachute(Protocol):
         UalTimeoutError: It is not known whether it was obeyed.
     """
 
+    def ordered(self) -> str:
+        """Returns the order that was acknowledged last, such as "enable".
+
+        It is empty where there was none since the daemon began.
+        """
+        ...
+
     def enable(self) -> None:
         """Lets it be released, also by the autopilot itself. Returns once that is acknowledged."""
         ...

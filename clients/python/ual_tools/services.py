@@ -15,6 +15,7 @@ from ual_tools.session import CommandSession, pass_session
     cls=UalGroup,
     section=Section.CARRIED,
     examples=(
+        "ual parachute ordered",
         "ual parachute enable",
         "ual parachute disable",
         "ual parachute release",
@@ -22,6 +23,15 @@ from ual_tools.session import CommandSession, pass_session
 )
 def parachute() -> None:
     """The parachute that it carries."""
+
+
+@parachute.command("ordered", cls=UalCommand, examples=("ual parachute ordered",))
+@pass_session
+def _parachute_ordered(session: CommandSession) -> None:
+    """Returns the order that was acknowledged last, such as "enable"."""
+    with session.connect() as uav:
+        found = uav.parachute.ordered()
+    session.emit({"ordered": found}, str(found))
 
 
 @parachute.command("enable", cls=UalCommand, examples=("ual parachute enable",))

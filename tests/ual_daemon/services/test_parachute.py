@@ -15,7 +15,7 @@ from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.light.backend import LightBackend
 from ual_daemon.backends.light.parachute import LightParachute
-from ual_daemon.backends.offers.parachute import ParachuteDriver, ParachuteAction
+from ual_daemon.backends.offers.parachute import ParachuteAction, ParachuteDriver
 from ual_daemon.services.parachute import VehicleParachute
 
 DISABLE, ENABLE, RELEASE = ParachuteAction
@@ -50,6 +50,7 @@ def test_it_obeys_and_refuses_in_its_own_words(start: Callable[[str], Flight], k
     parachute.release()
     parachute.disable()
     assert carried.orders == [RELEASE, ENABLE, RELEASE, DISABLE]
+    assert parachute.ordered() == "disable"
 
 
 def test_beside_a_px4_there_is_none_unless_one_is_heard(start: Callable[[str], Flight]) -> None:
@@ -73,7 +74,9 @@ def test_a_light_one_opens_only_while_it_is_enabled() -> None:
 
 def test_an_order_needs_the_lease_and_a_release_replaces_another_order(monkeypatch: pytest.MonkeyPatch) -> None:
     with UAL(LightBackend(BackendOptions("uav_1"))) as uav:
+        assert not uav.parachute.ordered()
         uav.parachute.enable()
+        assert uav.parachute.ordered() == "enable"
         of_other = uav.vehicle.acquire_lease("other", "other", take=False, lease_id="")
         with pytest.raises(LeaseHeldError):
             uav.parachute.release()

@@ -10,7 +10,7 @@ from typing_extensions import override
 
 from ual.errors import LinkLostError, RejectedByAutopilotError
 from ual_daemon.backends import futures
-from ual_daemon.backends.offers.parachute import ParachuteDriver, ParachuteAction
+from ual_daemon.backends.offers.parachute import ParachuteAction, ParachuteDriver
 
 
 class LightParachute(ParachuteDriver):

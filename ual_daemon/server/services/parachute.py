@@ -19,6 +19,13 @@ class ParachuteServicer(parachute_pb2_grpc.ParachuteServiceServicer):
         self._of_vehicle = VehicleParachute(vehicle)
 
     @override
+    async def GetParachuteOrder(
+        self, request: pb.GetParachuteOrderRequest, context: object
+    ) -> pb.GetParachuteOrderResponse:
+        result = self._of_vehicle.ordered()
+        return pb.GetParachuteOrderResponse(ordered=result)
+
+    @override
     async def EnableParachute(self, request: pb.EnableParachuteRequest, context: object) -> pb.EnableParachuteResponse:
         await answer(self._of_vehicle.enable(lease_id=lease_of(context)), "EnableParachute")
         return pb.EnableParachuteResponse()

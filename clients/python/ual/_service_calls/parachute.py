@@ -6,6 +6,10 @@ from ual._calls import Call, nothing, of
 from ual.v1 import parachute_pb2 as pb
 
 
+def ordered() -> Call[str]:
+    return of("GetParachuteOrder", pb.GetParachuteOrderRequest(), lambda response: response.ordered)
+
+
 def enable() -> Call[None]:
     return of("EnableParachute", pb.EnableParachuteRequest(), nothing)
 

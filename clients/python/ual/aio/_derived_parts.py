@@ -562,6 +562,14 @@ class Parachute:
     def __repr__(self) -> str:
         return f"<Parachute of {self._connection.described}>"
 
+    async def ordered(self) -> str:
+        """Returns the order that was acknowledged last, such as "enable".
+
+        It is empty where there was none since the daemon began.
+
+        """
+        return await self._connection.run(_parachute_calls.ordered())
+
     async def enable(self) -> None:
         """Lets it be released, also by the autopilot itself. Returns once that is acknowledged."""
         await self._connection.run(_parachute_calls.enable())

@@ -512,6 +512,7 @@ _METHODS = (
     ),
     Method("MissionService", "GetMissionProgress", Role.OBSERVER, Kind.QUESTION, is_audited=False),
     Method("MissionService", "WatchMission", Role.OBSERVER, Kind.QUESTION, caller_limit_s=None, is_audited=False),
+    Method("ParachuteService", "GetParachuteOrder", Role.OBSERVER, Kind.QUESTION, is_audited=False),
     Method(
         "ParachuteService",
         "EnableParachute",

@@ -24,25 +24,29 @@ _sym_db = _symbol_database.Default()
 
 
 
-DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x16ual/v1/parachute.proto\x12\x06ual.v1\"\x18\n\x16\x45nableParachuteRequest\"\x19\n\x17\x45nableParachuteResponse\"\x19\n\x17\x44isableParachuteRequest\"\x1a\n\x18\x44isableParachuteResponse\"\x19\n\x17ReleaseParachuteRequest\"\x1a\n\x18ReleaseParachuteResponse2\x94\x02\n\x10ParachuteService\x12R\n\x0f\x45nableParachute\x12\x1e.ual.v1.EnableParachuteRequest\x1a\x1f.ual.v1.EnableParachuteResponse\x12U\n\x10\x44isableParachute\x12\x1f.ual.v1.DisableParachuteRequest\x1a .ual.v1.DisableParachuteResponse\x12U\n\x10ReleaseParachute\x12\x1f.ual.v1.ReleaseParachuteRequest\x1a .ual.v1.ReleaseParachuteResponseb\x06proto3')
+DESCRIPTOR = _descriptor_pool.Default().AddSerializedFile(b'\n\x16ual/v1/parachute.proto\x12\x06ual.v1\"\x1a\n\x18GetParachuteOrderRequest\",\n\x19GetParachuteOrderResponse\x12\x0f\n\x07ordered\x18\x01 \x01(\t\"\x18\n\x16\x45nableParachuteRequest\"\x19\n\x17\x45nableParachuteResponse\"\x19\n\x17\x44isableParachuteRequest\"\x1a\n\x18\x44isableParachuteResponse\"\x19\n\x17ReleaseParachuteRequest\"\x1a\n\x18ReleaseParachuteResponse2\xee\x02\n\x10ParachuteService\x12X\n\x11GetParachuteOrder\x12 .ual.v1.GetParachuteOrderRequest\x1a!.ual.v1.GetParachuteOrderResponse\x12R\n\x0f\x45nableParachute\x12\x1e.ual.v1.EnableParachuteRequest\x1a\x1f.ual.v1.EnableParachuteResponse\x12U\n\x10\x44isableParachute\x12\x1f.ual.v1.DisableParachuteRequest\x1a .ual.v1.DisableParachuteResponse\x12U\n\x10ReleaseParachute\x12\x1f.ual.v1.ReleaseParachuteRequest\x1a .ual.v1.ReleaseParachuteResponseb\x06proto3')
 
 _globals = globals()
 _builder.BuildMessageAndEnumDescriptors(DESCRIPTOR, _globals)
 _builder.BuildTopDescriptorsAndMessages(DESCRIPTOR, 'ual.v1.parachute_pb2', _globals)
 if not _descriptor._USE_C_DESCRIPTORS:
   DESCRIPTOR._loaded_options = None
-  _globals['_ENABLEPARACHUTEREQUEST']._serialized_start=34
-  _globals['_ENABLEPARACHUTEREQUEST']._serialized_end=58
-  _globals['_ENABLEPARACHUTERESPONSE']._serialized_start=60
-  _globals['_ENABLEPARACHUTERESPONSE']._serialized_end=85
-  _globals['_DISABLEPARACHUTEREQUEST']._serialized_start=87
-  _globals['_DISABLEPARACHUTEREQUEST']._serialized_end=112
-  _globals['_DISABLEPARACHUTERESPONSE']._serialized_start=114
-  _globals['_DISABLEPARACHUTERESPONSE']._serialized_end=140
-  _globals['_RELEASEPARACHUTEREQUEST']._serialized_start=142
-  _globals['_RELEASEPARACHUTEREQUEST']._serialized_end=167
-  _globals['_RELEASEPARACHUTERESPONSE']._serialized_start=169
-  _globals['_RELEASEPARACHUTERESPONSE']._serialized_end=195
-  _globals['_PARACHUTESERVICE']._serialized_start=198
-  _globals['_PARACHUTESERVICE']._serialized_end=474
+  _globals['_GETPARACHUTEORDERREQUEST']._serialized_start=34
+  _globals['_GETPARACHUTEORDERREQUEST']._serialized_end=60
+  _globals['_GETPARACHUTEORDERRESPONSE']._serialized_start=62
+  _globals['_GETPARACHUTEORDERRESPONSE']._serialized_end=106
+  _globals['_ENABLEPARACHUTEREQUEST']._serialized_start=108
+  _globals['_ENABLEPARACHUTEREQUEST']._serialized_end=132
+  _globals['_ENABLEPARACHUTERESPONSE']._serialized_start=134
+  _globals['_ENABLEPARACHUTERESPONSE']._serialized_end=159
+  _globals['_DISABLEPARACHUTEREQUEST']._serialized_start=161
+  _globals['_DISABLEPARACHUTEREQUEST']._serialized_end=186
+  _globals['_DISABLEPARACHUTERESPONSE']._serialized_start=188
+  _globals['_DISABLEPARACHUTERESPONSE']._serialized_end=214
+  _globals['_RELEASEPARACHUTEREQUEST']._serialized_start=216
+  _globals['_RELEASEPARACHUTEREQUEST']._serialized_end=241
+  _globals['_RELEASEPARACHUTERESPONSE']._serialized_start=243
+  _globals['_RELEASEPARACHUTERESPONSE']._serialized_end=269
+  _globals['_PARACHUTESERVICE']._serialized_start=272
+  _globals['_PARACHUTESERVICE']._serialized_end=638
 # @@protoc_insertion_point(module_scope)

@@ -3,6 +3,7 @@
 isort:skip_file
 The parachute of a UAV. Offered beside `UalService` for every UAV. Errors as in ual.proto."""
 
+import builtins
 import google.protobuf.descriptor
 import google.protobuf.message
 import sys
@@ -14,6 +15,31 @@ else:
     import typing_extensions
 
 DESCRIPTOR: google.protobuf.descriptor.FileDescriptor
+
+@typing.final
+class GetParachuteOrderRequest(google.protobuf.message.Message):
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    def __init__(
+        self,
+    ) -> None: ...
+
+Global___GetParachuteOrderRequest: typing_extensions.TypeAlias = GetParachuteOrderRequest
+
+@typing.final
+class GetParachuteOrderResponse(google.protobuf.message.Message):
+    DESCRIPTOR: google.protobuf.descriptor.Descriptor
+
+    ORDERED_FIELD_NUMBER: builtins.int
+    ordered: builtins.str
+    def __init__(
+        self,
+        *,
+        ordered: builtins.str = ...,
+    ) -> None: ...
+    def ClearField(self, field_name: typing.Literal["ordered", b"ordered"]) -> None: ...
+
+Global___GetParachuteOrderResponse: typing_extensions.TypeAlias = GetParachuteOrderResponse
 
 @typing.final
 class EnableParachuteRequest(google.protobuf.message.Message):

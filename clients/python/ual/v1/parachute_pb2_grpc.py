@@ -28,7 +28,7 @@ if _version_not_supported:
 class ParachuteServiceStub(object):
     """Orders the parachute: that of an ArduPilot, or a component (161) of the vehicle beside whatever autopilot, which is heard by
     its heartbeat. Nothing is ever ordered unasked.
-    Errors of every method. NOT_SUPPORTED: there is no parachute. WRONG_STATE: another order is under way.
+    Errors of every method but GetParachuteOrder. NOT_SUPPORTED: there is no parachute. WRONG_STATE: another order is under way.
     TASK_ABORTED: a release has replaced it. REJECTED_BY_AUTOPILOT (with its own words), LEASE_HELD, LEASE_LOST, LINK_LOST.
     TIMEOUT: it is not known whether it was obeyed.
     """
@@ -39,6 +39,11 @@ class ParachuteServiceStub(object):
         Args:
             channel: A grpc.Channel.
         """
+        self.GetParachuteOrder = channel.unary_unary(
+                '/ual.v1.ParachuteService/GetParachuteOrder',
+                request_serializer=ual_dot_v1_dot_parachute__pb2.GetParachuteOrderRequest.SerializeToString,
+                response_deserializer=ual_dot_v1_dot_parachute__pb2.GetParachuteOrderResponse.FromString,
+                _registered_method=True)
         self.EnableParachute = channel.unary_unary(
                 '/ual.v1.ParachuteService/EnableParachute',
                 request_serializer=ual_dot_v1_dot_parachute__pb2.EnableParachuteRequest.SerializeToString,
@@ -59,10 +64,18 @@ class ParachuteServiceStub(object):
 class ParachuteServiceServicer(object):
     """Orders the parachute: that of an ArduPilot, or a component (161) of the vehicle beside whatever autopilot, which is heard by
     its heartbeat. Nothing is ever ordered unasked.
-    Errors of every method. NOT_SUPPORTED: there is no parachute. WRONG_STATE: another order is under way.
+    Errors of every method but GetParachuteOrder. NOT_SUPPORTED: there is no parachute. WRONG_STATE: another order is under way.
     TASK_ABORTED: a release has replaced it. REJECTED_BY_AUTOPILOT (with its own words), LEASE_HELD, LEASE_LOST, LINK_LOST.
     TIMEOUT: it is not known whether it was obeyed.
     """
+
+    def GetParachuteOrder(self, request, context):
+        """The order that was acknowledged last, since the daemon began: "enable", "disable" or "release". Empty: none was.
+        Orders of other programs to the autopilot are not known.
+        """
+        context.set_code(grpc.StatusCode.UNIMPLEMENTED)
+        context.set_details('Method not implemented!')
+        raise NotImplementedError('Method not implemented!')
 
     def EnableParachute(self, request, context):
         """Lets the parachute be released, also by the autopilot itself. Returns once that is acknowledged.
@@ -89,6 +102,11 @@ class ParachuteServiceServicer(object):
 
 def add_ParachuteServiceServicer_to_server(servicer, server):
     rpc_method_handlers = {
+            'GetParachuteOrder': grpc.unary_unary_rpc_method_handler(
+                    servicer.GetParachuteOrder,
+                    request_deserializer=ual_dot_v1_dot_parachute__pb2.GetParachuteOrderRequest.FromString,
+                    response_serializer=ual_dot_v1_dot_parachute__pb2.GetParachuteOrderResponse.SerializeToString,
+            ),
             'EnableParachute': grpc.unary_unary_rpc_method_handler(
                     servicer.EnableParachute,
                     request_deserializer=ual_dot_v1_dot_parachute__pb2.EnableParachuteRequest.FromString,
@@ -115,10 +133,37 @@ def add_ParachuteServiceServicer_to_server(servicer, server):
 class ParachuteService(object):
     """Orders the parachute: that of an ArduPilot, or a component (161) of the vehicle beside whatever autopilot, which is heard by
     its heartbeat. Nothing is ever ordered unasked.
-    Errors of every method. NOT_SUPPORTED: there is no parachute. WRONG_STATE: another order is under way.
+    Errors of every method but GetParachuteOrder. NOT_SUPPORTED: there is no parachute. WRONG_STATE: another order is under way.
     TASK_ABORTED: a release has replaced it. REJECTED_BY_AUTOPILOT (with its own words), LEASE_HELD, LEASE_LOST, LINK_LOST.
     TIMEOUT: it is not known whether it was obeyed.
     """
+
+    @staticmethod
+    def GetParachuteOrder(request,
+            target,
+            options=(),
+            channel_credentials=None,
+            call_credentials=None,
+            insecure=False,
+            compression=None,
+            wait_for_ready=None,
+            timeout=None,
+            metadata=None):
+        return grpc.experimental.unary_unary(
+            request,
+            target,
+            '/ual.v1.ParachuteService/GetParachuteOrder',
+            ual_dot_v1_dot_parachute__pb2.GetParachuteOrderRequest.SerializeToString,
+            ual_dot_v1_dot_parachute__pb2.GetParachuteOrderResponse.FromString,
+            options,
+            channel_credentials,
+            insecure,
+            call_credentials,
+            compression,
+            wait_for_ready,
+            timeout,
+            metadata,
+            _registered_method=True)
 
     @staticmethod
     def EnableParachute(request,

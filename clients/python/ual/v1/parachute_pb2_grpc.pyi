@@ -25,6 +25,22 @@ class _ServicerContext(grpc.ServicerContext, grpc.aio.ServicerContext):  # type:
 
 GRPC_GENERATED_VERSION: str
 GRPC_VERSION: str
+_ParachuteServiceGetParachuteOrderType = typing_extensions.TypeVar(
+    '_ParachuteServiceGetParachuteOrderType',
+    grpc.UnaryUnaryMultiCallable[
+        ual.v1.parachute_pb2.GetParachuteOrderRequest,
+        ual.v1.parachute_pb2.GetParachuteOrderResponse,
+    ],
+    grpc.aio.UnaryUnaryMultiCallable[
+        ual.v1.parachute_pb2.GetParachuteOrderRequest,
+        ual.v1.parachute_pb2.GetParachuteOrderResponse,
+    ],
+    default=grpc.UnaryUnaryMultiCallable[
+        ual.v1.parachute_pb2.GetParachuteOrderRequest,
+        ual.v1.parachute_pb2.GetParachuteOrderResponse,
+    ],
+)
+
 _ParachuteServiceEnableParachuteType = typing_extensions.TypeVar(
     '_ParachuteServiceEnableParachuteType',
     grpc.UnaryUnaryMultiCallable[
@@ -73,16 +89,20 @@ _ParachuteServiceReleaseParachuteType = typing_extensions.TypeVar(
     ],
 )
 
-class ParachuteServiceStub(typing.Generic[_ParachuteServiceEnableParachuteType, _ParachuteServiceDisableParachuteType, _ParachuteServiceReleaseParachuteType]):
+class ParachuteServiceStub(typing.Generic[_ParachuteServiceGetParachuteOrderType, _ParachuteServiceEnableParachuteType, _ParachuteServiceDisableParachuteType, _ParachuteServiceReleaseParachuteType]):
     """Orders the parachute: that of an ArduPilot, or a component (161) of the vehicle beside whatever autopilot, which is heard by
     its heartbeat. Nothing is ever ordered unasked.
-    Errors of every method. NOT_SUPPORTED: there is no parachute. WRONG_STATE: another order is under way.
+    Errors of every method but GetParachuteOrder. NOT_SUPPORTED: there is no parachute. WRONG_STATE: another order is under way.
     TASK_ABORTED: a release has replaced it. REJECTED_BY_AUTOPILOT (with its own words), LEASE_HELD, LEASE_LOST, LINK_LOST.
     TIMEOUT: it is not known whether it was obeyed.
     """
 
     @typing.overload
     def __init__(self: ParachuteServiceStub[
+        grpc.UnaryUnaryMultiCallable[
+            ual.v1.parachute_pb2.GetParachuteOrderRequest,
+            ual.v1.parachute_pb2.GetParachuteOrderResponse,
+        ],
         grpc.UnaryUnaryMultiCallable[
             ual.v1.parachute_pb2.EnableParachuteRequest,
             ual.v1.parachute_pb2.EnableParachuteResponse,
@@ -100,6 +120,10 @@ class ParachuteServiceStub(typing.Generic[_ParachuteServiceEnableParachuteType, 
     @typing.overload
     def __init__(self: ParachuteServiceStub[
         grpc.aio.UnaryUnaryMultiCallable[
+            ual.v1.parachute_pb2.GetParachuteOrderRequest,
+            ual.v1.parachute_pb2.GetParachuteOrderResponse,
+        ],
+        grpc.aio.UnaryUnaryMultiCallable[
             ual.v1.parachute_pb2.EnableParachuteRequest,
             ual.v1.parachute_pb2.EnableParachuteResponse,
         ],
@@ -113,6 +137,11 @@ class ParachuteServiceStub(typing.Generic[_ParachuteServiceEnableParachuteType, 
         ],
     ], channel: grpc.aio.Channel) -> None: ...
 
+    GetParachuteOrder: _ParachuteServiceGetParachuteOrderType
+    """The order that was acknowledged last, since the daemon began: "enable", "disable" or "release". Empty: none was.
+    Orders of other programs to the autopilot are not known.
+    """
+
     EnableParachute: _ParachuteServiceEnableParachuteType
     """Lets the parachute be released, also by the autopilot itself. Returns once that is acknowledged."""
 
@@ -125,6 +154,10 @@ class ParachuteServiceStub(typing.Generic[_ParachuteServiceEnableParachuteType, 
     """
 
 ParachuteServiceAsyncStub: typing_extensions.TypeAlias = ParachuteServiceStub[
+    grpc.aio.UnaryUnaryMultiCallable[
+        ual.v1.parachute_pb2.GetParachuteOrderRequest,
+        ual.v1.parachute_pb2.GetParachuteOrderResponse,
+    ],
     grpc.aio.UnaryUnaryMultiCallable[
         ual.v1.parachute_pb2.EnableParachuteRequest,
         ual.v1.parachute_pb2.EnableParachuteResponse,
@@ -142,10 +175,20 @@ ParachuteServiceAsyncStub: typing_extensions.TypeAlias = ParachuteServiceStub[
 class ParachuteServiceServicer(metaclass=abc.ABCMeta):
     """Orders the parachute: that of an ArduPilot, or a component (161) of the vehicle beside whatever autopilot, which is heard by
     its heartbeat. Nothing is ever ordered unasked.
-    Errors of every method. NOT_SUPPORTED: there is no parachute. WRONG_STATE: another order is under way.
+    Errors of every method but GetParachuteOrder. NOT_SUPPORTED: there is no parachute. WRONG_STATE: another order is under way.
     TASK_ABORTED: a release has replaced it. REJECTED_BY_AUTOPILOT (with its own words), LEASE_HELD, LEASE_LOST, LINK_LOST.
     TIMEOUT: it is not known whether it was obeyed.
     """
+
+    @abc.abstractmethod
+    def GetParachuteOrder(
+        self,
+        request: ual.v1.parachute_pb2.GetParachuteOrderRequest,
+        context: _ServicerContext,
+    ) -> typing.Union[ual.v1.parachute_pb2.GetParachuteOrderResponse, collections.abc.Awaitable[ual.v1.parachute_pb2.GetParachuteOrderResponse]]:
+        """The order that was acknowledged last, since the daemon began: "enable", "disable" or "release". Empty: none was.
+        Orders of other programs to the autopilot are not known.
+        """
 
     @abc.abstractmethod
     def EnableParachute(

@@ -21,6 +21,7 @@ from derived_values import (
     ask_get_gimbal_status,
     ask_get_image,
     ask_get_mission_progress,
+    ask_get_parachute_order,
     ask_get_parameter,
     ask_grip,
     ask_jump_to_item,
@@ -200,6 +201,9 @@ MEMBERS: Final[Mapping[tuple[str, str], Member]] = {
         "get_mission_progress",
         ask_get_mission_progress,
         lambda answer: read_mission_progress(answer.progress),
+    ),
+    ("parachute", "ordered"): Member(
+        srv.GetParachuteOrder, "get_parachute_order", ask_get_parachute_order, lambda answer: answer.ordered
     ),
     ("parachute", "enable"): Member(Trigger, "enable_parachute", ask_enable_parachute, nothing),
     ("parachute", "disable"): Member(Trigger, "disable_parachute", ask_disable_parachute, nothing),

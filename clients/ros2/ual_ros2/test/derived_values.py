@@ -650,6 +650,11 @@ def ask_get_mission_progress() -> Fields:
     return {}
 
 
+def ask_get_parachute_order() -> Fields:
+    """Returns the request of get_parachute_order."""
+    return {}
+
+
 def ask_enable_parachute() -> Fields:
     """Returns the request of enable_parachute."""
     return {}

@@ -13,7 +13,7 @@ from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
 from ual_daemon.backends.mavlink.dialects.command_long import CommandLong, command_of
 from ual_daemon.backends.mavlink.offers.protocol_access import Orders
 from ual_daemon.backends.mavlink.wire.messages import mavlink
-from ual_daemon.backends.offers.parachute import ParachuteDriver, ParachuteAction
+from ual_daemon.backends.offers.parachute import ParachuteAction, ParachuteDriver
 
 _COMPONENT: int = mavlink.MAV_COMP_ID_PARACHUTE
 _COMMAND: int = mavlink.MAV_CMD_DO_PARACHUTE

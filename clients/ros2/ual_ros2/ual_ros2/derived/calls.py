@@ -350,6 +350,14 @@ async def get_mission_progress(uav: ual.aio.Uav, _: Message) -> Fields:
     }
 
 
+async def get_parachute_order(uav: ual.aio.Uav, _: Message) -> Fields:
+    """Serves GetParachuteOrder."""
+    found = await uav.parachute.ordered()
+    return {
+        "ordered": found,
+    }
+
+
 async def enable_parachute(uav: ual.aio.Uav, _: Message) -> Fields:
     """Serves Trigger."""
     await uav.parachute.enable()
@@ -566,6 +574,7 @@ CALLS: Final[Mapping[str, Serves]] = {
     "resume_mission": resume_mission,
     "jump_to_item": jump_to_item,
     "get_mission_progress": get_mission_progress,
+    "get_parachute_order": get_parachute_order,
     "enable_parachute": enable_parachute,
     "disable_parachute": disable_parachute,
     "release_parachute": release_parachute,

@@ -85,6 +85,7 @@ SERVICES: Final = (
     Service("resume_mission", Trigger, "ResumeMission"),
     Service("jump_to_item", srv.JumpToItem, "JumpToItem"),
     Service("get_mission_progress", srv.GetMissionProgress, "GetMissionProgress"),
+    Service("get_parachute_order", srv.GetParachuteOrder, "GetParachuteOrder"),
     Service("enable_parachute", Trigger, "EnableParachute"),
     Service("disable_parachute", Trigger, "DisableParachute"),
     Service("release_parachute", Trigger, "ReleaseParachute"),
