@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import logging
-import os
-import select
 import threading
-from collections import deque
 from collections.abc import Callable, Iterable, Mapping
-from typing import NamedTuple
 
 from typing_extensions import override
 
 from ual_daemon.backends.base import Clock
 from ual_daemon.backends.engine.limits import SILENT_S
 from ual_daemon.backends.engine.loop import OnceLog
-from ual_daemon.backends.mavlink.links.base import BATCH_BYTES, Address, Chunk, MavlinkLink
+from ual_daemon.backends.mavlink.links.base import Address, Chunk, MavlinkLink
 from ual_daemon.backends.mavlink.links.connection import LinkConnection
+from ual_daemon.backends.mavlink.links.inbox import Inbox
 from ual_daemon.backends.mavlink.links.udp import cannot_send
 from ual_daemon.backends.mavlink.wire.frames import FrameReader, Piece, piece_of, pieces
 from ual_daemon.backends.mavlink.wire.receiver import INCOMPLETE_FRAME_S
@@ -25,10 +22,6 @@ _log = logging.getLogger(__name__)
 
 WAIT_S = 0.05
 """The longest interval between two looks at the link."""
-QUEUE_BYTES = 1 << 18
-"""Bytes that may wait for the thread of one vehicle; more is dropped, as a system drops data that overflows a
-socket.
-"""
 
 
 class SharedLink:
@@ -156,13 +149,6 @@ class _LinkReading:
                     each.put((piece.data, address))
 
 
-class _Ends(NamedTuple):
-    """A pipe: it holds one byte while chunks wait."""
-
-    read: int
-    write: int
-
-
 class VehicleLink(MavlinkLink):
     """The part of a shared link that leads to one vehicle."""
 
@@ -176,57 +162,28 @@ class VehicleLink(MavlinkLink):
         self._shared = shared
         self._reading: _LinkReading | None = None
         self._peer: Address | None = None
-        self._lock = threading.Lock()
-        self._waiting: deque[Chunk] = deque()
-        self._waiting_bytes = 0
-        self._ends: _Ends | None = None
+        self._inbox = Inbox()
+        self.put = self._inbox.put
+        """Takes what has come for this vehicle. By the thread that reads the link."""
 
     @override
     def open(self) -> None:
-        ends = os.pipe()
-        for each in ends:
-            os.set_blocking(each, False)
-        self._ends = _Ends(*ends)
+        self._inbox.open()
         self._reading = self._shared.attach(self)
 
     @override
     def close(self) -> None:
         self._reading = None
         self._shared.detach(self)
-        with self._lock:
-            ends, self._ends = self._ends, None
-            self._waiting.clear()
-            self._waiting_bytes = 0
-            for each in ends or ():
-                os.close(each)
+        self._inbox.close()
 
     @override
     def descriptors(self) -> Mapping[int, int]:
-        ends = self._ends
-        return {} if ends is None else {ends.read: select.POLLIN}
-
-    def put(self, chunk: Chunk) -> None:
-        """Takes what has come for this vehicle. By the thread that reads the link."""
-        with self._lock:
-            if self._ends is None or self._waiting_bytes + len(chunk[0]) > QUEUE_BYTES:
-                return
-            if not self._waiting:
-                os.write(self._ends.write, b"\0")
-            self._waiting.append(chunk)
-            self._waiting_bytes += len(chunk[0])
+        return self._inbox.descriptors()
 
     @override
     def receive(self, now_s: float) -> list[Chunk]:
-        found: list[Chunk] = []
-        taken = 0
-        with self._lock:
-            while self._waiting and taken < BATCH_BYTES:
-                found.append(self._waiting.popleft())
-                taken += len(found[-1][0])
-            self._waiting_bytes -= taken
-            if found and not self._waiting and self._ends is not None:
-                os.read(self._ends.read, 1)
-        return found
+        return self._inbox.take()
 
     @override
     def send(self, data: bytes, *, is_perishable: bool = False) -> bool:
