@@ -74,7 +74,7 @@ def test_a_connection_that_is_made_anew_does_not_either(net: ZenohNet) -> None:
 def test_a_router_does_not_either(net: ZenohNet, router: RouterSession) -> None:
     net.publication()
     assert limits(net.endpoint, of_the_router=True) == [0]
-    until(lambda: limits(net.endpoint, of_the_router=True) == [configuration.LEASE_MS], between=router.look)
+    until(lambda: limits(net.endpoint, of_the_router=True) == [configuration.LEASE_MS], between=router.keep_links)
 
 
 def test_connections_of_others_are_left_alone(net: ZenohNet) -> None:
