@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from typing_extensions import Self
 
 from ual.shared.guard import WorkGuard
+from ual_tools.streams import give_up_output
 
 if TYPE_CHECKING:
     from rich.text import Text
@@ -119,3 +120,4 @@ class TeamLog:
                     self._console.print(f"{LAUNCH:<{self._width}} a line cannot be shown: {self._guard.last_cause!a}")
             except (OSError, SystemExit):  # rich ends the program by the latter where a pipe is closed
                 is_gone = True
+                give_up_output()
