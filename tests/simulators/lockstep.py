@@ -33,6 +33,9 @@ _BATCH = 64
 class LockstepBackend(MavlinkBackend):
     """Flies a simulated autopilot with the single link `port`, and offers its safety pilot."""
 
+    looks_each_step = False
+    """Whether it looks for messages after each step of the autopilot, and not only as often as poses come."""
+
     def __init__(self, options: BackendOptions, autopilot: Autopilot, port: MemoryPort, speed: float = SPEED) -> None:
         settings = {"pose_rate_hz": POSE_RATE_HZ, **options.settings}
         super().__init__(BackendOptions(options.ns, "udpout://127.0.0.1:1", settings))  # nothing is sent there
@@ -46,7 +49,8 @@ class LockstepBackend(MavlinkBackend):
         self._speed = speed
 
     def open(self, on_update: UpdateCallback) -> None:
-        self.connection = _Connection(self.autopilot, self._port, self._speed)
+        turn_s = STEP_S if self.looks_each_step else max(STEP_S, 1.0 / self._settings.pose_rate_hz)
+        self.connection = _Connection(self.autopilot, self._port, turn_s, self._speed)
         self._start(self.connection, on_update)
 
     def simulation(self) -> Simulation:
@@ -83,13 +87,14 @@ class _Clock(MonotonicClock):
 
 
 class _Connection(LinkConnection):
-    """Advances the autopilot's time instead of waiting, at most `speed` times as fast as real time."""
+    """Advances the autopilot's time by `turn_s` instead of waiting, at most `speed` times as fast as real time."""
 
-    def __init__(self, autopilot: Autopilot, port: MemoryPort, speed: float) -> None:
+    def __init__(self, autopilot: Autopilot, port: MemoryPort, turn_s: float, speed: float) -> None:
         super().__init__(MemoryLink(port), "a simulated autopilot")
         self._autopilot = autopilot
         self._port = port
-        self._pace = Pace(STEP_S, speed)
+        self._turn_s = turn_s
+        self._pace = Pace(turn_s, speed)
         self.pause_s = 0.0
         """Seconds for which the daemon does not run, once; messages of the meantime wait."""
 
@@ -97,7 +102,7 @@ class _Connection(LinkConnection):
         self._pace.wait()
         if len(self._port.sent) < _BATCH:  # else more waits already, as on a UDP link
             pause_s, self.pause_s = self.pause_s, 0.0
-            self._autopilot.run(pause_s + STEP_S)
+            self._autopilot.run(pause_s + self._turn_s)
         return [(self._port.sent.popleft()[1], ADDRESS) for _ in range(min(_BATCH, len(self._port.sent)))]
 
     def discard(self, now_s: float) -> None:

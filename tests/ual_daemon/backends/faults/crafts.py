@@ -131,6 +131,7 @@ class OfMavlink(OnBadLink, OfAutopilot):
         self.link = BadLink(port, 0)
         self.autopilot = Px4(self.link, is_terse=True) if self.kind is Px4 else ArduPilot(self.link)
         backend = LockstepBackend(OPTIONS, self.autopilot, port, SPEED)
+        backend.looks_each_step = True
         super().__init__(backend, self.visible_to_autopilot())
         scripted(self, backend.connection._pace)
 
