@@ -173,7 +173,7 @@ class DaemonProcess:
 
     def _start(
         self, flags: tuple[str, ...], environment: dict[str, str], module: str
-    ) -> subprocess.Popen[str] | forkserver.ForkedProcess:
+    ) -> subprocess.Popen[str] | forkserver.ForkedDaemon:
         if self.may_be_forked and module == "ual_daemon" and forkserver.can_fork(environment):
             return forkserver.start(flags, environment)
         return subprocess.Popen(

@@ -1,7 +1,9 @@
-"""Starts daemons for an eighth of the processor time: forks them off a process that has imported UAL.
+"""Starts daemons, and the command `ual`, for an eighth of the processor time: forks them off a process that has
+imported UAL.
 
-Each is a process of its own as one that was started: with its flags, environment and log, and a child of the test's
-process. `python -m tests.forkserver` is the process that is forked. How a daemon starts is tested with those that are.
+Each is a process of its own as one that was started: with its words, environment, inputs and outputs, and a child of
+the test's process. `python -m tests.forkserver` is the process that is forked. How a daemon starts is tested with those
+that are.
 """
 
 from __future__ import annotations
@@ -14,27 +16,32 @@ import runpy
 import select
 import signal
 import socket
+import stat
 import subprocess
 import sys
-from collections.abc import Mapping, Sequence
+import tempfile
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
-from typing import NamedTuple, TextIO
+from typing import Any, NamedTuple, TextIO
 
 from tests import waiting
 
 _ROOT = Path(__file__).parents[1]
 _SET_CHILD_SUBREAPER = 36
-_AT_START = ("PYTHON", "GRPC_", "COVERAGE_", "LD_")
+_AT_START = ("PYTHON", "GRPC_", "COVERAGE_", "LD_", "LANG", "LC_")
 """Variables with these beginnings count when a process begins: one that has others cannot be forked."""
 _MOST_BYTES = 1 << 17
+_STDERR = 2
 
 
 class ForkedProcess:
-    """A daemon that was forked off; used as `subprocess.Popen`."""
+    """A process that was forked off; used as `subprocess.Popen`."""
 
-    def __init__(self, pid: int, stderr: TextIO) -> None:
+    def __init__(self, pid: int, stdout: TextIO | None = None, stderr: TextIO | None = None) -> None:
         self.pid = pid
+        self.stdout = stdout
         self.stderr = stderr
         self.returncode: int | None = None
         self._ends = os.pidfd_open(pid)
@@ -65,24 +72,92 @@ class ForkedProcess:
         return self.returncode
 
 
-def start(flags: Sequence[str], environment: Mapping[str, str]) -> ForkedProcess:
+class ForkedDaemon(ForkedProcess):
+    """A daemon, with its log."""
+
+    stderr: TextIO
+
+
+def start(flags: Sequence[str], environment: Mapping[str, str]) -> ForkedDaemon:
     """Starts ``python -m ual_daemon`` with these flags."""
     reads, writes = os.pipe()
-    request = json.dumps([list(flags), dict(environment), str(Path.cwd())]).encode()
+    with _nothing() as nothing:
+        pid = _fork_off(_Request("ual_daemon", list(flags), dict(environment)), nothing, nothing, writes)
+    os.close(writes)
+    return ForkedDaemon(pid, None, os.fdopen(reads))
+
+
+def start_ual(
+    words: Sequence[str],
+    environment: Mapping[str, str],
+    *,
+    stdin: int | None = None,
+    stdout: int | None = None,
+    stderr: int | None = None,
+    before: str = "",
+) -> ForkedProcess:
+    """Starts ``ual`` with these words; what is left out of the descriptors is the null device.
+
+    `before` is run as Python before the program. A descriptor that is -1 is closed.
+    """
+    assert can_fork(environment), "this environment counts when Python starts"
+    with _nothing() as nothing:
+        given = [nothing if each is None or each < 0 else each for each in (stdin, stdout, stderr)]
+        closed = [number for number, each in enumerate((stdin, stdout, stderr)) if each is not None and each < 0]
+        request = _Request("ual", list(words), dict(environment), before, closed)
+        return ForkedProcess(_fork_off(request, *given))
+
+
+def run_ual(
+    words: Sequence[str], environment: Mapping[str, str], *, stdout: int | None = None
+) -> subprocess.CompletedProcess[str]:
+    """Runs ``ual`` with these words to its end; `stdout` is a descriptor instead of what is returned, -1: closed."""
+    with tempfile.TemporaryFile("w+") as output, tempfile.TemporaryFile("w+") as errors:
+        into = output.fileno() if stdout is None else stdout
+        process = start_ual(words, environment, stdout=into, stderr=errors.fileno())
+        try:
+            status = process.wait(waiting.LIMIT_S)
+        finally:
+            process.kill()
+        output.seek(0)
+        errors.seek(0)
+        return subprocess.CompletedProcess(words, status, output.read(), errors.read())
+
+
+@contextmanager
+def _nothing() -> Iterator[int]:
+    nothing = os.open(os.devnull, os.O_RDWR)
+    try:
+        yield nothing
+    finally:
+        os.close(nothing)
+
+
+class _Request(NamedTuple):
+    """A process to fork off."""
+
+    program: str
+    words: list[str]
+    environment: dict[str, str]
+    before: str = ""
+    closed: Sequence[int] = ()
+    directory: str = ""
+
+
+def _fork_off(request: _Request, *descriptors: int) -> int:
+    message = json.dumps(request._replace(directory=str(Path.cwd()))).encode()
     server = _server().connection
-    # The one between the two ends at once. The daemon is then the child of the next process above that takes orphans.
+    # The one between the two ends at once. The new one is then the child of the next process above that takes orphans.
     _take_orphans(does=True)
     try:
-        socket.send_fds(server, [request], [writes])
-        pid = int(server.recv(_MOST_BYTES))
+        socket.send_fds(server, [message], descriptors)
+        return int(server.recv(_MOST_BYTES))
     finally:
         _take_orphans(does=False)
-        os.close(writes)
-    return ForkedProcess(pid, os.fdopen(reads))
 
 
 def can_fork(environment: Mapping[str, str]) -> bool:
-    """Returns whether a daemon with this environment is as one that is forked off this process' server."""
+    """Returns whether a process with this environment is as one that is forked off this process' server."""
     return sys.platform == "linux" and _of_start(environment) == _of_start(os.environ) == _FIRST_ENVIRONMENT
 
 
@@ -125,17 +200,20 @@ def _take_orphans(*, does: bool) -> None:
 # --- The server -------------------------------------------------------------------------------------------------------
 
 
-def serve(connection: socket.socket) -> None:
-    """Forks a daemon for each request, until the test's process ends. Returns in each daemon."""
+def serve(connection: socket.socket) -> str:
+    """Forks a process for each request, until the test's process ends. Returns its program in each of them."""
     while True:
-        request, descriptors, _, _ = socket.recv_fds(connection, _MOST_BYTES, 1)
-        if not request:
+        message, descriptors, _, _ = socket.recv_fds(connection, _MOST_BYTES, 3)
+        if not message:
             sys.exit()
         pid = _fork()
         if not pid:
             connection.close()
-            return _become(*json.loads(request), *descriptors)
-        os.close(*descriptors)
+            request = _Request(*json.loads(message))
+            _become(request, descriptors)
+            return request.program
+        for each in descriptors:
+            os.close(each)
         connection.send(str(pid).encode())
 
 
@@ -156,21 +234,34 @@ def _fork() -> int:
         return int(told.read())
 
 
-def _become(flags: list[str], environment: dict[str, str], directory: str, stderr: int) -> None:
-    os.dup2(stderr, 2)
-    os.close(stderr)
+def _become(request: _Request, descriptors: Sequence[int]) -> None:
+    for number, descriptor in enumerate(descriptors):
+        os.dup2(descriptor, number)
+        os.close(descriptor)
+    for number in request.closed:
+        os.close(number)
     os.environ.clear()
-    os.environ.update(environment)
-    os.chdir(directory)
-    sys.argv = ["ual-daemon", *flags]
+    os.environ.update(request.environment)
+    os.chdir(request.directory)
+    sys.argv = ["ual-daemon" if request.program == "ual_daemon" else "-c", *request.words]
+    sys.stdin, sys.stdout, sys.stderr = (_stream(number) for number in range(3))
+    exec(request.before)
+
+
+def _stream(number: int) -> Any:
+    """Opens a standard stream as Python does when it starts; None where its descriptor is closed."""
+    try:
+        kind = os.fstat(number).st_mode
+    except OSError:
+        return None
+    is_direct = number == _STDERR or (stat.S_ISCHR(kind) and os.isatty(number))
+    errors = "backslashreplace" if number == _STDERR else "strict"
+    return open(number, "w" if number else "r", errors=errors, buffering=1 if is_direct else -1, closefd=False)
 
 
 def _import_all() -> None:
-    """Imports what a daemon imports; none of it starts a thread, which a fork would not have."""
-    import ual_daemon.backends.light
-    import ual_daemon.backends.mavlink
-    import ual_daemon.program.daemon
-    import ual_daemon.program.main  # noqa: F401 - imported for those that are forked off
+    """Imports what a daemon and `ual` import; none of it starts a thread, which a fork would not have."""
+    import ual_tools.main  # noqa: F401 - imported for those that are forked off
     from ual_daemon.backends.light import painter
 
     painter.PATIENCE_S, painter._NICENESS = waiting.LIMIT_S, 0  # as `painters_take_their_turn` has it
@@ -182,5 +273,9 @@ def _import_all() -> None:
 
 if __name__ == "__main__":
     _import_all()
-    serve(socket.socket(fileno=int(sys.argv[1])))
-    runpy.run_module("ual_daemon", run_name="__main__", alter_sys=True)
+    if serve(socket.socket(fileno=int(sys.argv[1]))) == "ual":
+        from ual_tools.main import main
+
+        main()
+    else:
+        runpy.run_module("ual_daemon", run_name="__main__", alter_sys=True)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import select
 import signal
-import subprocess
 import sys
 import termios
 import time
@@ -14,12 +13,12 @@ from collections.abc import Callable
 from typing_extensions import Self
 
 from tests.conftest import LIMIT_S, open_terminal
+from tests.forkserver import start_ual
 from tests.waiting import until
 
-_MAIN = "from ual_tools.main import main; main()"
-UAL = (sys.executable, "-c", _MAIN)
+UAL = (sys.executable, "-c", "from ual_tools.main import main; main()")
 # The program itself does what `preexec_fn` would: that forks, and gRPC, which has threads here, may break a fork.
-_OF_SESSION = "import fcntl, termios; fcntl.ioctl(0, termios.TIOCSCTTY, 0)"
+_OF_SESSION = "import fcntl, os, termios; os.setsid(); fcntl.ioctl(0, termios.TIOCSCTTY, 0)"
 _OF_GROUP = "import os; os.setpgid(0, 0)"
 _PATIENT = "from ual_tools.teleop import loop, vehicle; loop.LATE_S = loop.SLOW_S = vehicle.STALE_S = 1e9"
 """The teleop then takes a busy computer neither for a suspended one, nor for a slow terminal or daemon."""
@@ -48,15 +47,8 @@ class Terminal:
     ) -> None:
         self._ours, its = open_terminal()
         environment = os.environ | {"TERM": "xterm", "COLUMNS": str(size[0]), "LINES": str(size[1])}
-        program = "; ".join([_OF_SESSION if is_controlling else _OF_GROUP, *([_PATIENT] if is_patient else []), _MAIN])
-        self.process = subprocess.Popen(
-            [sys.executable, "-c", program, *words],
-            stdin=its,
-            stdout=its,
-            stderr=its,
-            env=environment,
-            start_new_session=is_controlling,
-        )
+        before = "; ".join([_OF_SESSION if is_controlling else _OF_GROUP, *([_PATIENT] if is_patient else [])])
+        self.process = start_ual(words, environment, stdin=its, stdout=its, stderr=its, before=before)
         os.close(its)
         self.text = ""
         self._awaited: set[str] = set()

@@ -10,11 +10,20 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import LIMIT_S, DaemonProcess
+from tests.forkserver import run_ual
 
 UAL = "from ual_tools.main import main; main()"
 
 
-def run(how: str, *words: str, program: str = UAL) -> subprocess.CompletedProcess[str]:
+def run(how: str, *words: str) -> subprocess.CompletedProcess[str]:
+    """Runs `ual` with a standard output that is `how`: closed, or a disk that is full."""
+    if how == "closed":
+        return run_ual(words, os.environ, stdout=-1)
+    with Path("/dev/full").open("w") as full:
+        return run_ual(words, os.environ, stdout=full.fileno())
+
+
+def started(how: str, *words: str, program: str = UAL) -> subprocess.CompletedProcess[str]:
     """Runs a command whose standard output is `how` before Python itself starts."""
     shell = {"closed": '"$@" >&-', "full": '"$@" >/dev/full'}[how]
     command = ["bash", "-c", shell, "bash", sys.executable, "-c", program, *words]
@@ -75,14 +84,23 @@ def test_what_was_commanded_for_and_is_lost_fails_in_one_message(daemon: DaemonP
 @pytest.mark.parametrize("words", [("state",), ("list",), ("frames",), ("--help",)])
 def test_without_an_output_a_command_works(daemon: DaemonProcess, words: tuple[str, ...]) -> None:
     del daemon
-    assert run("closed", *words).stderr == ""
-    assert run("closed", *words).returncode == 0
+    done = run("closed", *words)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_python_starts_without_an_output() -> None:
+    for words in (("--help",), ("--version",)):
+        done = started("closed", *words)
+        assert (done.returncode, done.stderr) == (0, "")
+    assert started("full", "--help").stderr.splitlines() == [
+        "ual: the result cannot be printed: No space left on device"
+    ]
 
 
 @needs_full_device
 @pytest.mark.parametrize("flag", ["--help", "--version", "--print-config"])
 def test_what_the_daemon_prints_and_is_lost_fails_in_one_message(flag: str) -> None:
-    lost = run("full", flag, program="from ual_daemon.program.entry import main; main()")
+    lost = started("full", flag, program="from ual_daemon.program.entry import main; main()")
     assert lost.returncode == 1
     assert lost.stderr.splitlines() == ["ual-daemon: the output cannot be printed: No space left on device"]
 

@@ -7,7 +7,6 @@ import os
 import re
 import signal
 import socket
-import subprocess
 import sys
 import threading
 import time
@@ -19,6 +18,7 @@ import pytest
 
 import ual
 from tests.conftest import LIMIT_S, daemon_environment, open_terminal
+from tests.forkserver import start_ual
 from tests.waiting import until, until_async
 from ual import discovery
 from ual.types import State, Telemetry
@@ -46,19 +46,10 @@ class Launched:
         self.log = ""
         self._changed = threading.Condition()
         self._has_ended = False
-        self.process = subprocess.Popen(
-            [sys.executable, "-c", "from ual_tools.main import main; main()", "launch", str(file)],
-            env=environment,
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.PIPE if terminal is None else terminal[1],
-            stderr=subprocess.STDOUT,
-        )
-        if terminal is None:
-            assert self.process.stdout is not None
-            source = self.process.stdout.fileno()
-        else:
-            source = terminal[0]
-            os.close(terminal[1])
+        source, its = os.pipe() if terminal is None else terminal
+        self._pipe = source if terminal is None else None
+        self.process = start_ual(("launch", str(file)), environment, stdout=its, stderr=its)
+        os.close(its)
         self._reader = threading.Thread(target=self._read, args=(source,), daemon=True)
         self._reader.start()
 
@@ -93,8 +84,8 @@ class Launched:
         for pid in below:
             kill(pid)
         self._reader.join(LIMIT_S)
-        if self.process.stdout is not None:
-            self.process.stdout.close()
+        if self._pipe is not None:
+            os.close(self._pipe)
 
     def _read(self, source: int) -> None:
         while True:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-import subprocess
+import os
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -11,11 +11,10 @@ from pathlib import Path
 import pytest
 
 from tests.conftest import LIMIT_S, daemon_environment
-
-_MAIN = "from ual_tools.main import main; main()"
+from tests.forkserver import ForkedProcess, start_ual
 
 StartView = Callable[..., str]
-Views = list[subprocess.Popen[str]]
+Views = list[ForkedProcess]
 
 
 @pytest.fixture
@@ -26,8 +25,6 @@ def views() -> Iterator[Views]:
     for each in started:
         each.kill()
         each.wait(LIMIT_S)
-        assert each.stdout is not None
-        each.stdout.close()
 
 
 @pytest.fixture
@@ -36,14 +33,15 @@ def start_view(runtime_dir: Path, views: Views) -> StartView:
     pytest.importorskip("viser", reason="NO VISER, `ual view` is NOT TESTED: pip install 'ual-tools[view]'")
 
     def start(*arguments: str) -> str:
-        process = subprocess.Popen(
-            [sys.executable, "-c", _MAIN, "--json", "view", "--port", "0", *arguments],
-            env=daemon_environment(runtime_dir),
-            stdout=subprocess.PIPE,
-            text=True,
-        )
-        views.append(process)
-        assert process.stdout is not None
-        return str(json.loads(process.stdout.readline())["url"])
+        reads, writes = os.pipe()
+        words = ("--json", "view", "--port", "0", *arguments)
+        try:
+            views.append(
+                start_ual(words, daemon_environment(runtime_dir), stdout=writes, stderr=sys.__stderr__.fileno())
+            )
+        finally:
+            os.close(writes)
+        with os.fdopen(reads) as output:
+            return str(json.loads(output.readline())["url"])
 
     return start
