@@ -15,6 +15,7 @@ from tools.contract import (
     calls_source,
     clients_source,
     core_servicers_source,
+    extension,
     faces_source,
     lists_source,
     methods,
@@ -48,6 +49,7 @@ def derived() -> dict[Path, str]:
         page: roles_page.page(page.read_text(encoding="utf-8"), described),
         **ros.derived(contract),
         **_lists(contract),
+        **{path: text for each in extension.EXAMPLES for path, text in extension.derived(each).items()},
     }
 
 

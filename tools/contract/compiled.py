@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 from google.protobuf.descriptor_pb2 import DescriptorProto, FileDescriptorProto, FileDescriptorSet
@@ -20,14 +21,16 @@ def contract_files() -> list[str]:
     return [path for path in found if path != OPTIONS]
 
 
-def compiled() -> FileDescriptorSet:
-    """Returns the contract with its options and comments, and all that it imports."""
+def compiled(files: Sequence[str] = (), room: Path = PROTO) -> FileDescriptorSet:
+    """Returns the contract with its options and comments, and all that it imports.
+
+    `files` are those of another contract, in its `room`, which may import the options of this one.
+    """
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "contract.binpb"
-        paths = [f"--proto_path={PROTO}", f"--proto_path={_WELL_KNOWN}"]
-        run_protoc(
-            *paths, f"--descriptor_set_out={file}", "--include_imports", "--include_source_info", *contract_files()
-        )
+        paths = [f"--proto_path={each}" for each in dict.fromkeys((room, PROTO, _WELL_KNOWN))]
+        image = (f"--descriptor_set_out={file}", "--include_imports", "--include_source_info")
+        run_protoc(*paths, *image, *(files or contract_files()))
         return FileDescriptorSet.FromString(file.read_bytes())
 
 

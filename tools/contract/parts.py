@@ -94,18 +94,19 @@ def parts(contract: FileDescriptorSet) -> list[ContractPart]:
 
 def simulation(contract: FileDescriptorSet) -> ContractPart:
     """Returns the world around a simulated UAV, which has no behaviour in ``ual_daemon.services``."""
-    return _whole(contract, "Simulation", "SimulationService")
+    return whole(contract, "Simulation", "SimulationService")
 
 
 def uav(contract: FileDescriptorSet) -> ContractPart:
     """Returns the UAV itself, with those of its members that are one call each."""
-    return _whole(contract, "Uav", "UalService")
+    return whole(contract, "Uav", "UalService")
 
 
-def _whole(contract: FileDescriptorSet, name: str, service: str) -> ContractPart:
+def whole(contract: FileDescriptorSet, name: str, service: str, interface: Path = INTERFACE) -> ContractPart:
+    """Returns a part with those members of a class that are methods of a service."""
     [(file, found)] = [(file, each) for file in contract.file for each in file.service if each.name == service]
     messages = {f".{file.package}.{each.name}": each for file in contract.file for each in file.message_type}
-    members = _Members(Options(contract), found, messages).called(name)
+    members = _Members(Options(contract), found, messages, interface).called(name)
     return ContractPart(name, service, Path(file.name).stem, members, "", "")
 
 
@@ -125,7 +126,14 @@ def _parts(options: Options, file: FileDescriptorProto, service: ServiceDescript
 
 
 class _Members:
-    def __init__(self, options: Options, service: ServiceDescriptorProto, messages: dict[str, DescriptorProto]) -> None:
+    def __init__(
+        self,
+        options: Options,
+        service: ServiceDescriptorProto,
+        messages: dict[str, DescriptorProto],
+        interface: Path = INTERFACE,
+    ) -> None:
+        self._interface = interface
         self._service = service
         self._messages = messages
         self._options = options
@@ -143,7 +151,7 @@ class _Members:
     def called(self, name: str) -> list[PartMember]:
         """Returns the members of a class that are called as methods."""
         methods = {self._name_of(each): each for each in self._service.method}
-        declared = functions(classes(INTERFACE)[name])
+        declared = functions(classes(self._interface)[name])
         return [self._member(each, methods[each.name]) for each in declared.values() if each.name in methods]
 
     def _facts(self, method: MethodDescriptorProto) -> Any:  # noqa: ANN401 (a message that is made at run time)

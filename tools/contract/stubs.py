@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
@@ -14,8 +15,8 @@ PACKAGE = ROOT / "clients" / "python"
 _PLUGINS = Path(sys.executable).parent
 
 
-def stubs(contract: FileDescriptorSet) -> dict[Path, str]:
-    """Returns the modules of ``ual.v1``, by path."""
+def stubs(contract: FileDescriptorSet, files: Sequence[str] = (), package: Path = PACKAGE) -> dict[Path, str]:
+    """Returns the modules of ``ual.v1``, or of other `files` of a contract, by path."""
     with tempfile.TemporaryDirectory() as folder:
         made = Path(folder) / "made"
         made.mkdir()
@@ -26,10 +27,10 @@ def stubs(contract: FileDescriptorSet) -> dict[Path, str]:
             *(f"--plugin={_PLUGINS / name}" for name in ("protoc-gen-mypy", "protoc-gen-mypy_grpc")),
             *(f"--{kind}_out={made}" for kind in ("python", "grpc_python")),
             *(f"--{kind}_out=quiet:{made}" for kind in ("mypy", "mypy_grpc")),
-            *contract_files(),
+            *(files or contract_files()),
         )
         return {
-            PACKAGE / path.relative_to(made): path.read_text(encoding="utf-8")
+            package / path.relative_to(made): path.read_text(encoding="utf-8")
             for path in sorted(made.rglob("*"))
             if path.is_file()
         }

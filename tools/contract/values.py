@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from google.protobuf.descriptor_pb2 import (
@@ -101,11 +101,15 @@ class Values:
     messages: Mapping[str, MessageValue]
     in_requests: frozenset[str]
     """The enums that a request has by themselves."""
+    place: str = ""
+    """The module of an extension's values."""
+    package: str = "ual.v1"
+    """Package of the stubs."""
 
     @property
     def module(self) -> str:
         """The module of the values: ``ual.gripper``, unless another one is named."""
-        return by_hand.PLACES.get(self.file, f"ual.{self.file}")
+        return self.place or by_hand.PLACES.get(self.file, f"ual.{self.file}")
 
     @property
     def wire(self) -> str:
@@ -121,8 +125,13 @@ def all_values(contract: FileDescriptorSet) -> dict[str, Values]:
     return {each.file: each for each in found}
 
 
+def values_of(contract: FileDescriptorSet, file: FileDescriptorProto, place: str, package: str) -> Values:
+    """Returns the values of an extension's file, which are in the module `place`, and the stubs in `package`."""
+    return replace(_ValueReader(contract).values(file), place=place, package=package)
+
+
 def _name(file: FileDescriptorProto) -> str:
-    return file.name.removeprefix("ual/v1/").removesuffix(".proto")
+    return file.name.rpartition("/")[2].removesuffix(".proto")
 
 
 class _ValueReader:
@@ -132,7 +141,7 @@ class _ValueReader:
             message.name: self._facts(message).name or message.name
             for file in contract.file
             for message in file.message_type
-            if file.name.startswith("ual/")
+            if not file.name.startswith("google/")
         }
         self._file = self._package = ""
         self._asked: set[str] = set()

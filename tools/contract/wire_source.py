@@ -29,7 +29,7 @@ def _head(values: Values, body: str) -> str:
         + "from collections.abc import Callable, Mapping\n\n" * ("Callable[" in body)
         + "from collections.abc import Mapping\n\n" * ("Mapping[" in body and "Callable[" not in body)
         + f"from {values.module} import {', '.join(used)}\n"
-        + f"from ual.v1 import {values.file}_pb2 as pb\n"
+        + f"from {values.package} import {values.file}_pb2 as pb\n"
         + "".join(f"from ual.wire import {each}\n" for each in _OTHERS if f" {each}." in body or f"({each}." in body)
         + (f"from ual.wire.enums import {', '.join(checks)}\n" if checks else "")
     )

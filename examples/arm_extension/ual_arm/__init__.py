@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
-from ual_arm.interface import Arm, Joints
+from ual_arm.interface import Arm
+from ual_arm.values import Joints
 
 __all__ = ["Arm", "Joints"]

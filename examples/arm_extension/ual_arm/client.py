@@ -1,4 +1,4 @@
-"""The arm through the daemon: what `ual.Uav.extension("arm")` returns."""
+"""The clients of `ArmService`, blocking and for asyncio. Written by ``tools.contract.extension``: do not edit it."""
 
 from __future__ import annotations
 
@@ -8,33 +8,35 @@ from typing_extensions import override
 
 from ual.aio.extension import Link as AioLink
 from ual.extension import Link
-from ual_arm.interface import Arm, Joints
+from ual_arm import wire
+from ual_arm.interface import Arm
 from ual_arm.v1 import arm_pb2 as pb
 from ual_arm.v1.arm_pb2_grpc import ArmServiceStub
-
-_LONGEST_S = 60.0
-"""Most seconds of a movement."""
+from ual_arm.values import Joints
 
 
 class ArmClient(Arm):
-    """The arm of one UAV."""
+    """`Arm`, over gRPC."""
 
     def __init__(self, link: Link) -> None:
         self._link = link
 
     @override
     def joints(self) -> Joints:
-        return _from_proto(self._link.call(ArmServiceStub, "GetJoints", pb.GetJointsRequest()).joints)
+        response = self._link.call(ArmServiceStub, "GetJoints", pb.GetJointsRequest())
+        return wire.joints_from_proto(response.joints)
 
     @override
     def watch(self, rate_hz: float = 10.0) -> Iterator[Joints]:
         for response in self._link.stream(ArmServiceStub, "WatchJoints", pb.WatchJointsRequest(rate_hz=rate_hz)):
-            yield _from_proto(response.joints)
+            yield wire.joints_from_proto(response.joints)
 
     @override
     def move(self, shoulder_rad: float, elbow_rad: float) -> Joints:
-        request = pb.MoveJointsRequest(shoulder_rad=shoulder_rad, elbow_rad=elbow_rad)
-        return _from_proto(self._link.call(ArmServiceStub, "MoveJoints", request, _LONGEST_S).joints)
+        response = self._link.call(
+            ArmServiceStub, "MoveJoints", pb.MoveJointsRequest(shoulder_rad=shoulder_rad, elbow_rad=elbow_rad), 60.0
+        )
+        return wire.joints_from_proto(response.joints)
 
 
 class AioArmClient:
@@ -44,20 +46,18 @@ class AioArmClient:
         self._link = link
 
     async def joints(self) -> Joints:
-        """Returns where the joints are."""
-        return _from_proto((await self._link.call(ArmServiceStub, "GetJoints", pb.GetJointsRequest())).joints)
+        """See `Arm.joints`."""
+        response = await self._link.call(ArmServiceStub, "GetJoints", pb.GetJointsRequest())
+        return wire.joints_from_proto(response.joints)
 
     async def watch(self, rate_hz: float = 10.0) -> AsyncIterator[Joints]:
-        """Yields where the joints are, so many times a second."""
-        request = pb.WatchJointsRequest(rate_hz=rate_hz)
-        async for response in self._link.stream(ArmServiceStub, "WatchJoints", request):
-            yield _from_proto(response.joints)
+        """See `Arm.watch`."""
+        async for response in self._link.stream(ArmServiceStub, "WatchJoints", pb.WatchJointsRequest(rate_hz=rate_hz)):
+            yield wire.joints_from_proto(response.joints)
 
     async def move(self, shoulder_rad: float, elbow_rad: float) -> Joints:
-        """Moves both joints, and returns when they are there; see `Arm.move`."""
-        request = pb.MoveJointsRequest(shoulder_rad=shoulder_rad, elbow_rad=elbow_rad)
-        return _from_proto((await self._link.call(ArmServiceStub, "MoveJoints", request, _LONGEST_S)).joints)
-
-
-def _from_proto(joints: pb.Joints) -> Joints:
-    return Joints(joints.shoulder_rad, joints.elbow_rad, joints.is_moving)
+        """See `Arm.move`."""
+        response = await self._link.call(
+            ArmServiceStub, "MoveJoints", pb.MoveJointsRequest(shoulder_rad=shoulder_rad, elbow_rad=elbow_rad), 60.0
+        )
+        return wire.joints_from_proto(response.joints)

@@ -11,13 +11,15 @@ from functools import partial
 
 from typing_extensions import override
 
-from ual.access.roles import Role
 from ual.errors import InvalidArgumentError, TaskAbortedError, UalError
 from ual.geometry import Vector3
-from ual_arm.interface import Arm, Joints
+from ual_arm import wire
+from ual_arm.interface import Arm
+from ual_arm.servicer import ROLES, ArmServicerBase
 from ual_arm.simulation import Joint, Motion, checked, frames
 from ual_arm.v1 import arm_pb2 as pb
 from ual_arm.v1 import arm_pb2_grpc
+from ual_arm.values import Joints
 from ual_daemon.extensions import Extension, ExtensionContext, lease_of
 from ual_daemon.extensions.base import Service
 from ual_daemon.settings import Settings
@@ -89,15 +91,12 @@ class SimulatedArm(Arm):
         return self.joints()
 
 
-class ArmServicer(arm_pb2_grpc.ArmServiceServicer):
-    """The service: coroutines on the daemon's event loop, so nothing here blocks."""
+class ArmServicer(ArmServicerBase):
+    """Methods that take time: coroutines on the daemon's event loop, so nothing here blocks."""
 
     def __init__(self, arm: SimulatedArm) -> None:
+        super().__init__(arm)
         self._arm = arm
-
-    @override
-    async def GetJoints(self, request: pb.GetJointsRequest, context: object) -> pb.GetJointsResponse:
-        return pb.GetJointsResponse(joints=_to_proto(self._arm.joints()))
 
     @override
     async def WatchJoints(
@@ -106,14 +105,14 @@ class ArmServicer(arm_pb2_grpc.ArmServiceServicer):
         if not 0.0 <= request.rate_hz <= _HIGHEST_RATE_HZ:
             raise InvalidArgumentError(f"rate_hz: {request.rate_hz:g} is not 0 to 50 Hz", {"field": "rate_hz"})
         while True:
-            yield pb.WatchJointsResponse(joints=_to_proto(self._arm.joints()))
+            yield pb.WatchJointsResponse(joints=wire.joints_to_proto(self._arm.joints()))
             await asyncio.sleep(1.0 / (request.rate_hz or 10.0))
 
     @override
     async def MoveJoints(self, request: pb.MoveJointsRequest, context: object) -> pb.MoveJointsResponse:
         motion = self._arm.begin(request.shoulder_rad, request.elbow_rad, lease_of(context))
         await asyncio.sleep(motion.arrives_s - time.monotonic())
-        return pb.MoveJointsResponse(joints=_to_proto(self._arm.ended(motion)))
+        return pb.MoveJointsResponse(joints=wire.joints_to_proto(self._arm.ended(motion)))
 
 
 class ArmExtension(Extension):
@@ -130,8 +129,7 @@ class ArmExtension(Extension):
     @override
     def services(self) -> Sequence[Service]:
         add = partial(arm_pb2_grpc.add_ArmServiceServicer_to_server, ArmServicer(self._arm))
-        reading = {"GetJoints": Role.OBSERVER, "WatchJoints": Role.OBSERVER}
-        return [Service("ual_arm.v1.ArmService", add, reading)]
+        return [Service("ual_arm.v1.ArmService", add, ROLES)]
 
     @property
     @override
@@ -164,7 +162,3 @@ class ArmExtension(Extension):
         except UalError:  # logged by the vehicle; tried again
             return False
         return True
-
-
-def _to_proto(joints: Joints) -> pb.Joints:
-    return pb.Joints(shoulder_rad=joints.shoulder_rad, elbow_rad=joints.elbow_rad, is_moving=joints.is_moving)

@@ -4,16 +4,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass
 
-
-@dataclass(frozen=True)
-class Joints:
-    """Angles of the joints, in radians, positive downwards; zero is straight ahead."""
-
-    shoulder_rad: float
-    elbow_rad: float
-    is_moving: bool = False
+from ual_arm.values import Joints
 
 
 class Arm(ABC):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from ual.errors import InvalidArgumentError
 from ual.geometry import Quaternion, Transform, Vector3
-from ual_arm.interface import Joints
+from ual_arm.values import Joints
 
 
 @dataclass(frozen=True)

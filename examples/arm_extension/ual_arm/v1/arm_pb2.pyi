@@ -18,6 +18,8 @@ DESCRIPTOR: google.protobuf.descriptor.FileDescriptor
 
 @typing.final
 class Joints(google.protobuf.message.Message):
+    """Angles of the joints, in radians, positive downwards; zero is straight ahead."""
+
     DESCRIPTOR: google.protobuf.descriptor.Descriptor
 
     SHOULDER_RAD_FIELD_NUMBER: builtins.int
