@@ -5,7 +5,7 @@ from __future__ import annotations
 import grimp
 import pytest
 
-from tools.changed_tests import distances, module_of, tests_that_see
+from tools.changed_tests import distances, module_of, affected_tests
 
 
 @pytest.fixture
@@ -23,17 +23,17 @@ def graph() -> grimp.ImportGraph:
 
 
 def test_the_nearest_tests_come_first_and_the_others_not_at_all(graph: grimp.ImportGraph) -> None:
-    assert tests_that_see(graph, ["ual_daemon/geodesy.py"], 0) == ["tests/test_near.py", "tests/test_far.py"]
-    assert tests_that_see(graph, ["ual_daemon/geodesy.py"], 1) == ["tests/test_near.py"]
+    assert affected_tests(graph, ["ual_daemon/geodesy.py"], 0) == ["tests/test_near.py", "tests/test_far.py"]
+    assert affected_tests(graph, ["ual_daemon/geodesy.py"], 1) == ["tests/test_near.py"]
 
 
 def test_a_changed_test_is_run_itself(graph: grimp.ImportGraph) -> None:
-    assert tests_that_see(graph, ["tests/test_other.py"], 1) == ["tests/test_other.py"]
+    assert affected_tests(graph, ["tests/test_other.py"], 1) == ["tests/test_other.py"]
 
 
 def test_a_file_is_visible_to_the_tests_that_name_it_or_all_of_its_kind(graph: grimp.ImportGraph) -> None:
-    assert "tests/test_docs.py" in tests_that_see(graph, ["docs/how-to/missions.md"], 2)
-    assert tests_that_see(graph, ["proto/" + "no_such" + ".unheard"], 2) == []
+    assert "tests/test_docs.py" in affected_tests(graph, ["docs/how-to/missions.md"], 2)
+    assert affected_tests(graph, ["proto/" + "no_such" + ".unheard"], 2) == []
 
 
 @pytest.mark.parametrize(

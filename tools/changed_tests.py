@@ -34,7 +34,7 @@ def main() -> None:
     sys.path[:0] = sorted({str(_REPOSITORY / root) for root in _ROOTS.values()})
     changed = arguments.paths or _changed(arguments.since)
     graph = grimp.build_graph(*_ROOTS, cache_dir=None)
-    for path in tests_that_see(graph, changed, arguments.within):
+    for path in affected_tests(graph, changed, arguments.within):
         print(path)
 
 
@@ -49,7 +49,7 @@ def _git(*arguments: str) -> str:
     return found.stdout
 
 
-def tests_that_see(graph: grimp.ImportGraph, changed: Iterable[str], within: int) -> list[str]:
+def affected_tests(graph: grimp.ImportGraph, changed: Iterable[str], within: int) -> list[str]:
     """Returns the test files that see changed files, the nearest first, and then by name."""
     modules = {name for path in changed if (name := module_of(path)) in graph.modules}
     found = {path: far for name, far in distances(graph, modules).items() if (path := _test_file(name))}

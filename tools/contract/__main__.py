@@ -5,6 +5,7 @@ With ``--check`` it writes nothing, and fails where something is out of date.
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -92,12 +93,19 @@ def _services(contract: FileDescriptorSet, values: Mapping[str, Values]) -> dict
     return {path: formatted(source) for path, source in found.items()}
 
 
+def links() -> dict[Path, str]:
+    """Returns the links by which the client's wheel has the contract, each with its target."""
+    room = CLIENT / "v1"
+    return {room / each.name: os.path.relpath(each, room) for each in (ROOT / "proto" / "ual" / "v1").glob("*.proto")}
+
+
 def out_of_date() -> list[Path]:
     """Returns the files that are not as they follow from the contract, and stubs of what is not in it any more."""
     wanted = derived()
     kept = {*wanted, calls_source.BY_HAND}
     there = (*(CLIENT / "v1").glob("*_pb2*"), *CALLS.glob("[a-z]*.py"), *ros.files())
     left_over = [path for path in there if path not in kept]
+    left_over += [path for path in links() if not path.exists()]
     return left_over + [each for each, text in wanted.items() if not each.exists() or each.read_text("utf-8") != text]
 
 
@@ -110,6 +118,9 @@ def main() -> None:
         return
     for path, text in derived().items():
         path.write_text(text, encoding="utf-8")
+    for path, target in links().items():
+        if not path.exists():
+            path.symlink_to(target)
 
 
 if __name__ == "__main__":

@@ -518,7 +518,7 @@ def test_one_that_its_autopilot_takes_to_be_in_the_air_may_lie_on_the_ground(giv
 
 
 @pytest.mark.parametrize("control", [Control.OTHER, Control.LAND])
-def test_stopped_motors_are_told_at_once(control: Control) -> None:
+def test_stopped_motors_are_reported_at_once(control: Control) -> None:
     mode = Sample(Mode("AUTO.LAND", control), NOW_S)
     given = changed(fallen(10.3), failsafe=Cause.TERMINATION, mode=mode)
     why = estimate(given, FRESHNESS).why

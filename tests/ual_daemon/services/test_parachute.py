@@ -53,7 +53,7 @@ def test_it_obeys_and_refuses_in_its_own_words(start: Callable[[str], Flight], k
     assert parachute.ordered() == "disable"
 
 
-def test_beside_a_px4_there_is_none_unless_one_is_heard(start: Callable[[str], Flight]) -> None:
+def test_a_px4_has_none_unless_a_component_sends_heartbeats(start: Callable[[str], Flight]) -> None:
     flight = start("px4")
     with pytest.raises(NotSupportedError, match="no component 161 is heard"):
         flight.uav.parachute.release()

@@ -36,9 +36,9 @@ def start_view(runtime_dir: Path, views: Views) -> StartView:
         reads, writes = os.pipe()
         words = ("--json", "view", "--port", "0", *arguments)
         try:
-            views.append(
-                start_ual(words, daemon_environment(runtime_dir), stdout=writes, stderr=sys.__stderr__.fileno())
-            )
+            assert sys.__stderr__ is not None
+            errors = sys.__stderr__.fileno()
+            views.append(start_ual(words, daemon_environment(runtime_dir), stdout=writes, stderr=errors))
         finally:
             os.close(writes)
         with os.fdopen(reads) as output:

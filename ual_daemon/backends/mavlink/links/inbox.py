@@ -1,4 +1,4 @@
-"""What another thread has received for a link, with a file descriptor that shows it."""
+"""Inbox of a link: chunks that another thread has received, with a file descriptor that shows that some wait."""
 
 from __future__ import annotations
 
