@@ -5,7 +5,7 @@ from __future__ import annotations
 import grimp
 import pytest
 
-from tools.changed_tests import distances, module_of, affected_tests
+from tools.changed_tests import affected_tests, distances, module_of
 
 
 @pytest.fixture
