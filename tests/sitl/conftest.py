@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import socket
 import time
 from collections.abc import Iterator
@@ -10,11 +11,26 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from tests.sitl.flights import Flight
+from tests.conftest import DaemonProcess, StartDaemon
+from tests.sitl.flights import PATIENCE_S, Flight
 from tests.sitl.simulators import ARDUPILOT, PX4, Simulator
 from tests.sitl.transmitter import Transmitter
+from tests.sitl.truth import Truth
 from tests.sitl.wiretap import Wiretap
 from ual_daemon import UAL
+from ual_daemon.backends.mavlink.wire.messages import mavlink
+
+TIMES_VARIABLE = "UAL_TEST_TIMES"
+FORCE = 21196.0
+"""Parameter of a disarming in the air."""
+
+
+def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
+    """Has each flight of a real autopilot flown as often as the environment says."""
+    times = int(os.environ.get(TIMES_VARIABLE, "1"))
+    if times > 1 and "simulator" in metafunc.fixturenames:
+        metafunc.fixturenames.append("time_number")
+        metafunc.parametrize("time_number", range(times))
 
 
 @pytest.fixture(scope="session", params=[PX4, ARDUPILOT], ids=["px4", "ardupilot"])
@@ -93,3 +109,29 @@ def flight(uav: UAL, pilot: Transmitter) -> Iterator[Flight]:
     flight.end()  # what a test that failed has left in the air
     yield flight
     flight.end()
+
+
+@pytest.fixture
+def truth(pilot: Transmitter) -> Truth:
+    return Truth(pilot)
+
+
+@pytest.fixture
+def tapped_daemon(wiretap: Wiretap, start_daemon: StartDaemon) -> DaemonProcess:
+    """A daemon as a process, behind the wiretap."""
+    return start_daemon("--url", wiretap.url, "--allow-arming", backend="mavlink")
+
+
+@pytest.fixture
+def lands_in_the_end(pilot: Transmitter) -> Iterator[None]:
+    """Disarms it, wherever it lies."""
+    yield
+    disarm(pilot)
+
+
+def disarm(pilot: Transmitter) -> None:
+    """Stops its motors by force, until the autopilot tells it."""
+    until_s = time.monotonic() + PATIENCE_S
+    while pilot.is_armed and time.monotonic() < until_s:
+        pilot.order(mavlink.MAV_CMD_COMPONENT_ARM_DISARM, (0.0, FORCE))
+        time.sleep(0.5)  # until the autopilot tells it

@@ -55,6 +55,8 @@ class Transmitter(ABC):
         self.mode = -1
         """The autopilot's custom mode; -1 until it has told."""
         self.said = ""
+        self.severe: list[tuple[float, str]] = []
+        """Texts of severity 0 to 2, and when each came."""
         self._listeners: dict[int, Callable[[Message], None]] = {}
         self._is_closing = False
         self._thread = threading.Thread(target=self._run, name=f"safety pilot of {self.autopilot}")
@@ -251,3 +253,5 @@ class Transmitter(ABC):
             self.is_ready = bool(message.onboard_control_sensors_health & mavlink.MAV_SYS_STATUS_PREARM_CHECK)
         elif isinstance(message, mavlink.MAVLink_statustext_message):
             self.said = message.text
+            if message.severity <= mavlink.MAV_SEVERITY_CRITICAL:
+                self.severe.append((time.monotonic(), message.text))

@@ -1,0 +1,99 @@
+"""A mission that is started, paused, jumped and aborted by three threads at once: it stays UAL's own.
+
+While the autopilot flies it, UAL says so, and nobody else is named where only UAL commanded.
+"""
+
+from __future__ import annotations
+
+import os
+import random
+import threading
+from collections import Counter
+from collections.abc import Callable
+from time import monotonic
+
+import pytest
+
+from tests.sitl.doing import waypoints
+from tests.sitl.flights import Flight
+from tests.sitl.simulators import Simulator
+from ual.errors import UalError
+from ual.types import State, Telemetry
+from ual_daemon import UAL
+
+DURATION_S = float(os.environ.get("UAL_TEST_INTERLEAVED_S", "60"))
+"""Seconds for which the threads command."""
+pytestmark = [pytest.mark.sitl, pytest.mark.timeout(300 + round(DURATION_S))]
+
+MISSION_MODES = {"PX4": "AUTO.MISSION", "ArduPilot": "AUTO"}
+SHORT_S = 1.0
+"""For so long a mode and who is named for it may be seen apart."""
+OTHERS = ("ground station", "safety pilot")
+
+
+class Watch:
+    """Looks at each state that is told, and keeps what must not be told for long."""
+
+    def __init__(self, mode: str) -> None:
+        self.breaches: list[str] = []
+        self._mode = mode
+        self._since_s: float | None = None
+
+    def on_telemetry(self, told: Telemetry) -> None:
+        wrong = self._wrong(told)
+        now_s = monotonic()
+        if not wrong:
+            self._since_s = None
+        elif self._since_s is None:
+            self._since_s = now_s
+        elif now_s - self._since_s > SHORT_S:
+            self._since_s = now_s
+            self.breaches.append(wrong)
+
+    def _wrong(self, told: Telemetry) -> str:
+        held_by = "" if told.health is None else told.health.held_by
+        if held_by in OTHERS or any(each in told.state_reason for each in OTHERS):
+            return f"names others: {told.state.name}, {told.flight_mode}: {told.state_reason} ({held_by})"
+        if told.flight_mode == self._mode and told.state is State.FLYING_MANUAL:
+            return f"its mission is not told as its own: {told.state_reason}"
+        return ""
+
+
+def test_a_mission_stays_ours_whatever_three_threads_command(flight: Flight, uav: UAL, simulator: Simulator) -> None:
+    flight.take_off()
+    uav.mission.upload([*waypoints(flight, 0.5, 0, 0.5, 0)])
+    watch = Watch(MISSION_MODES[simulator.autopilot])
+    uav.vehicle.subscribe(watch.on_telemetry)
+    until_s, done, refused = monotonic() + DURATION_S, Counter[str](), Counter[str]()
+    chosen = random.Random(7)
+    acts: dict[str, Callable[[], object]] = {
+        "start": uav.mission.start,
+        "pause": uav.mission.pause,
+        "resume": uav.mission.resume,
+        "abort": uav.abort,
+        "jump": lambda: uav.mission.jump_to(chosen.randint(1, 4)),
+    }
+
+    def command(seed: int) -> None:
+        random_of = random.Random(seed)
+        while monotonic() < until_s:
+            name = random_of.choice([*acts, "start"])
+            try:
+                acts[name]()
+                done[name] += 1
+            except UalError as error:
+                refused[f"{name}: {error.reason}"] += 1
+                if any(each in str(error) for each in OTHERS):
+                    watch.breaches.append(f"{name}: {error}")
+            threading.Event().wait(random_of.uniform(0.0, 0.8))  # no two flights have the same moments
+
+    threads = [threading.Thread(target=command, args=(seed,), name=f"commands {seed}") for seed in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    print(f"{simulator.autopilot}: {DURATION_S:.0f} s: {dict(done)}; refused: {dict(refused)}")
+    assert watch.breaches == []
+    uav.abort()
+    flight.wait_for_state(State.FLYING_AUTO)
+    flight.wait_for(lambda: uav.velocity().twist.linear.norm() < 0.5, "its stop", 10.0)
