@@ -1,4 +1,8 @@
-"""A light UAV whose time stands still until a test steps it: every run is the same."""
+"""A light UAV whose time stands still until a test steps it: every run is the same.
+
+It is updated in every second step, 25 times a second as the simulated autopilots of tests, unless a test looks at each
+step. Samples are kept where a test wants them. Updates and samples are nearly all that a stepped flight costs.
+"""
 
 from __future__ import annotations
 
@@ -12,6 +16,7 @@ from ual.interface import TaskCommands
 from ual.types import State, TaskRequest, Telemetry
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.light import LightBackend
+from ual_daemon.backends.light.world import World
 from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.settings import VehicleSettings
@@ -19,6 +24,16 @@ from ual_daemon.vehicle.prepared import Prepared
 from ual_daemon.vehicle.vehicle import Vehicle
 
 STEP_S = 0.02
+UPDATE_S = 2 * STEP_S
+
+
+class SteppedWorld(World):
+    """World whose vehicles are updated after every n-th step (`every`), and when something has changed."""
+
+    every = round(UPDATE_S / STEP_S)
+
+    def _step_once(self, every: int = 1) -> None:
+        super()._step_once(self.every)
 
 
 class Prepare(TaskCommands[Prepared[VehicleTask]]):
@@ -34,15 +49,32 @@ class Prepare(TaskCommands[Prepared[VehicleTask]]):
 
 
 class Stepped:
-    """A vehicle whose time a test steps, and its samples."""
+    """A vehicle whose time a test steps."""
 
-    def __init__(self, vehicle: Vehicle) -> None:
+    def __init__(self, vehicle: Vehicle, world: SteppedWorld) -> None:
         self.vehicle = vehicle
         self.prepare = Prepare(vehicle)
         self.sim = vehicle.simulation()
-        self.samples: list[Telemetry] = []
-        # What no test reads is not made: a place on Earth is a tenth of the work of a step.
-        self.unsubscribe = vehicle.subscribe(self.samples.append, reads_all=False)
+        self.world = world
+        self._samples: list[Telemetry] | None = None
+
+    def update_each_step(self) -> None:
+        """Updates it after each step from now on, instead of every second one."""
+        self.world.every = 1
+
+    def keep_samples(self) -> None:
+        """Keeps its samples from now on, and forgets earlier ones."""
+        if self._samples is None:
+            self._samples = []
+            # What no test reads is not made: a place on Earth is a tenth of the work of a step.
+            self.vehicle.subscribe(self._samples.append, reads_all=False)
+        self._samples.clear()
+
+    @property
+    def samples(self) -> list[Telemetry]:
+        """Its samples since `keep_samples`."""
+        assert self._samples is not None, "no samples are kept: call keep_samples() first"
+        return self._samples
 
     def by(self, lease_id: str) -> Prepare:
         """The tasks, commanded by a lease."""
@@ -76,7 +108,6 @@ class Stepped:
         self.arm()
         self.end(self.prepare.take_off(height_m).begin().future)
         assert self.state is State.FLYING_AUTO
-        self.samples.clear()
 
     def is_in(self, state: State) -> bool:
         """Returns whether the UAV is in a state."""
@@ -113,11 +144,12 @@ def stepped(
     settings: VehicleSettings | None = None, ns: str = "uav_1", light: Mapping[str, Any] | None = None
 ) -> Iterator[Stepped]:
     """Opens a stepped light UAV, ready to arm."""
-    backend = LightBackend(BackendOptions(ns, settings={**(light or {}), "speed_factor": 0}))
+    world = SteppedWorld(0.0)
+    backend = LightBackend(BackendOptions(ns, settings={**(light or {}), "speed_factor": 0}), world)
     vehicle = Vehicle(backend, settings)
     vehicle.open()
     try:
-        uav = Stepped(vehicle)
+        uav = Stepped(vehicle, world)
         uav.run(STEP_S)
         yield uav
     finally:

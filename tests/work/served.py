@@ -96,12 +96,12 @@ def served(fly: Callable[[Served], T], directory: Path, *, has_all: bool) -> T:
 async def _serve(fly: Callable[[Served], T], directory: Path, *, has_all: bool) -> T:
     with ExitStack() as stack:
         uav = stack.enter_context(stepped(CORNER.settings))
+        uav.update_each_step()
         observers = _observers(uav.vehicle, directory, stack) if has_all else []
         transport, access = MemoryTransport(), _access() if has_all else None
         server = Server(uav.vehicle, transport, observers=observers, access=access)
         stack.callback(server.begin_shutdown)
         uav.fly(CORNER.height_m)
-        uav.unsubscribe()
         lease_id = uav.vehicle.acquire_lease("a program", _NAME, lasts_s=_LEASE_S) if has_all else ""
         given = (("authorization", f"Bearer {_SECRET}"), ("ual-lease", lease_id)) if has_all else ()
         flown = Served(uav, transport, given)

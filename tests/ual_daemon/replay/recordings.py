@@ -43,6 +43,8 @@ def recording_of(samples: Sequence[Telemetry], path: Path, ns: str = "uav_1") ->
 def light_flight(**light: Any) -> list[Telemetry]:
     """The samples of a flight of a light UAV, with the times that a message can express."""
     with stepped(light=light) as uav:
+        uav.update_each_step()
+        uav.keep_samples()
         uav.run(0.2)
         uav.arm()
         uav.end(uav.prepare.take_off(2.0).begin().future)

@@ -26,6 +26,7 @@ def flying(request: pytest.FixtureRequest) -> Iterator[Stepped]:
     settings, light = request.param
     with stepped(settings, light=light) as uav:
         uav.fly()
+        uav.keep_samples()
         yield uav
 
 
@@ -50,7 +51,7 @@ def test_a_path_stops_at_each_corner_or_cuts_it_by_less_than_the_lead(flying: St
     corners = [Vector3(6, 0, 3), Vector3(6, 6, 3), Vector3(0, 6, 3)]
     for radius_m, widest in ((0.0, 0.5), (1.0, 2.0)):
         flying.end(flying.prepare.go_to_waypoint(at(0, 0, 3)).begin().future)
-        flying.samples.clear()
+        flying.keep_samples()
         task = flying.prepare.follow_path([at(*corner) for corner in corners], corner_radius_m=radius_m).begin()
         flying.end(task.future)
         positions = [sample.pose.position for sample in flying.samples if sample.pose]
@@ -134,6 +135,7 @@ def fenced(request: pytest.FixtureRequest) -> Iterator[Stepped]:
     settings = VehicleSettings(tracker=settings.tracker, geofence=GeofenceSettings(polygon=L_SHAPE))
     with stepped(settings, light={**light, **fast}) as uav:
         uav.fly()
+        uav.keep_samples()
         yield uav
 
 

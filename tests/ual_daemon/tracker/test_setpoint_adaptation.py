@@ -82,7 +82,7 @@ def executed(takes: str, light: dict[str, Any]) -> tuple[float, float, float]:
         begin = uav.pose.position
         way = Vector3(15.0, 10.0, 5.0)
         goal = begin + way
-        uav.samples.clear()
+        uav.keep_samples()
         uav.end(uav.prepare.go_to_waypoint(at(goal.x, goal.y, goal.z, math.pi / 2)).begin().future)
         duration_s = len(uav.samples) * 0.02
         uav.run(3.0)

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from tests.snapshots import changed
-from tests.ual_daemon.stepped import STEP_S, Stepped, at, stepped
+from tests.ual_daemon.stepped import STEP_S, UPDATE_S, Stepped, at, stepped
 from tests.waiting import until
 from ual.errors import GeofenceError, TaskAbortedError, UnknownFrameError
 from ual.geometry import IDENTITY, Pose, Transform, Twist, TwistStamped, Vector3
@@ -157,7 +157,7 @@ def test_no_step_is_sent_when_the_limits_change(world: World, tracker: Tracker) 
         world.limit(horizontal_speed_m_s=speed_m_s)
         world.uav.run(2.0)
     steps = [(b.position - a.position).norm() for a, b in itertools.pairwise(sent)]
-    assert max(steps) < (1.2 * SPEED_M_S * STEP_S if tracker is Tracker.REFERENCE else 2.0)
+    assert max(steps) < (1.2 * SPEED_M_S * UPDATE_S if tracker is Tracker.REFERENCE else 2.0)
     world.uav.end(task.future, 400.0)
 
 
@@ -202,6 +202,7 @@ def crossed(uav: Stepped, waypoints: list[Any]) -> float:
 def test_a_path_whose_limits_change_all_the_time_passes_each_of_its_waypoints(
     world: World, tracker: Tracker, radius_m: float, heading: PathHeading
 ) -> None:
+    world.uav.keep_samples()
     waypoints, uav = path_of(8), world.uav
     period_s = 0.37 if tracker is Tracker.REFERENCE else 2.37  # pursuit first has to gain its point ahead
     interest = at(100.0, 100.0, 0.0) if heading is PathHeading.POINT_OF_INTEREST else None
@@ -260,6 +261,7 @@ def test_a_paused_task_stays_paused(world: World) -> None:
 def test_a_long_path_first_comes_to_rest_en_route_and_is_planned_next_to_the_updates(
     world: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    world.uav.keep_samples()
     monkeypatch.setattr(courses, "LONG_COUNT", 20)
     waypoints, uav = path_of(30), world.uav
     task = uav.prepare.follow_path(waypoints, corner_radius_m=0.5).begin()
@@ -319,6 +321,7 @@ def test_a_stand_that_is_reported_for_a_moment_in_the_air_does_not_raise_the_flo
 @pytest.mark.parametrize("what", ["go_to_waypoint", "follow_path", "moving goal"])
 def test_a_fence_that_is_new_is_not_crossed(world: World, what: str) -> None:
     """PX4 was flown through a fence of 15 m, which was known for 1.2 s, to 25.7 m at 6 m/s."""
+    world.uav.keep_samples()
     task = begun(world, what)
     world.fence(RADIUS_M)
     assert world.uav.pose.position.x < 20.0
@@ -335,6 +338,7 @@ def test_a_fence_that_is_new_is_not_crossed(world: World, what: str) -> None:
 
 
 def test_a_pose_that_is_approached_by_the_autopilot_is_stopped_before_a_new_fence(world: World) -> None:
+    world.uav.keep_samples()
     world.uav.vehicle.commands.setpoints.set_pose(at(150.0, 0.0, 3.0))
     world.uav.until(lambda: world.speed_m_s > 5.0)
     world.fence(RADIUS_M)
@@ -348,6 +352,7 @@ def test_a_pose_that_is_approached_by_the_autopilot_is_stopped_before_a_new_fenc
 
 
 def test_a_velocity_is_stopped_before_a_new_fence(world: World) -> None:
+    world.uav.keep_samples()
     twist = TwistStamped(Twist(Vector3(5.0)), "uav_1/odom")
     for step in range(500):
         if step == 100:

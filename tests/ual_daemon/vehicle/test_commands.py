@@ -385,6 +385,7 @@ def fastest(uav: Stepped) -> float:
 
 @pytest.mark.parametrize("goal", [(6, 0, 3), (0, -6, 3), (0, 0, 8), (0, 0, 1), (4, 3, 6)])
 def test_a_go_to_keeps_its_maximum_speed(flying: Stepped, goal: tuple[float, float, float]) -> None:
+    flying.keep_samples()
     slow = flying.prepare.go_to_waypoint(at(*goal), max_speed_m_s=0.5)
     quick = flying.prepare.go_to_waypoint(at(*goal))
     assert slow.plan.duration_s is not None
@@ -401,6 +402,7 @@ def test_a_speed_beyond_the_limits_changes_nothing(flying: Stepped) -> None:
 
 
 def test_a_geographic_go_to_and_a_path_keep_their_maximum_speed(flying: Stepped) -> None:
+    flying.keep_samples()
     prepare = flying.prepare
     flying.end(prepare.go_to_waypoint_geo(*near(flying), AltitudeReference.AMSL, max_speed_m_s=0.6).begin().future)
     flying.end(prepare.follow_path([at(3, 0, 3), at(0, 0, 4)], max_speed_m_s=0.6).begin().future)

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from tests.ual_daemon.stepped import STEP_S, Stepped, at, stepped
+from tests.ual_daemon.stepped import UPDATE_S, Stepped, at, stepped
 from tests.ual_daemon.tracker.test_tracker import assert_sent_within, wiretap
 from ual.errors import InvalidArgumentError
 from ual.geometry import Vector3
@@ -26,7 +26,7 @@ def rest_s(uav: Stepped, place: Vector3) -> float:
         and sample.velocity.linear.norm() < 0.05
         for sample in uav.samples
     )
-    return count * STEP_S
+    return count * UPDATE_S
 
 
 WAYS = {
@@ -44,7 +44,7 @@ def test_it_holds_at_the_waypoints_that_say_so(
     with stepped(settings, light=light) as uav:
         uav.fly()
         uav.run(1.0)
-        uav.samples.clear()
+        uav.keep_samples()
         task = uav.prepare.follow_path(GOALS, corner_radius_m=radius_m, holds_s=[5.0, 0.0, 4.0]).begin()
         uav.until(lambda: task.info().waypoint_index == 0 and rest_s(uav, CORNERS[0]) > 2.0)
         uav.end(task.future)

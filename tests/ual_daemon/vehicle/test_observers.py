@@ -6,7 +6,7 @@ import logging
 
 import pytest
 
-from tests.ual_daemon.stepped import STEP_S, stepped
+from tests.ual_daemon.stepped import STEP_S, UPDATE_S, stepped
 from ual.geometry import Twist, TwistStamped, Vector3
 from ual.types import State, Telemetry
 from ual_daemon.backends.values import Setpoint
@@ -17,6 +17,7 @@ def test_a_watcher_that_fails_keeps_no_sample_and_no_state_from_the_others(caplo
         raise RuntimeError("a defect of a watcher")
 
     with stepped() as uav:
+        uav.update_each_step()
         samples: list[Telemetry] = []
         states: list[State] = []
         uav.vehicle.subscribe(fail)
@@ -62,8 +63,8 @@ def test_a_defect_next_to_the_flight_takes_it_no_setpoint_and_is_reported_once(
         monkeypatch.setattr(vehicle.gimbals, "due_s", -1.0)
         seen: list[Setpoint] = []
         vehicle.observe_setpoints(seen.append)
-        uav.samples.clear()
-        uav.run(10 * STEP_S)
+        uav.keep_samples()
+        uav.run(10 * UPDATE_S)
         assert len(seen) == len(uav.samples) == 10
     assert sum(record.levelno == logging.ERROR for record in caplog.records) == 1
 
@@ -77,8 +78,8 @@ def test_a_defect_of_the_flight_takes_nobody_the_telemetry_and_is_not_reported_a
     with stepped() as uav:
         uav.fly()
         monkeypatch.setattr(uav.vehicle._flight, "step", fail)
-        uav.samples.clear()
-        uav.run(10 * STEP_S)
+        uav.keep_samples()
+        uav.run(10 * UPDATE_S)
         assert len(uav.samples) == 10
     (told,) = [record.getMessage() for record in caplog.records if record.levelno == logging.ERROR]
     assert "what flies a UAV failed, and no setpoint is sent while it does" in told

@@ -26,12 +26,13 @@ LIGHT = {"start": [HOME.x, HOME.y, 0.0]}
 def flying() -> Iterator[Stepped]:
     with stepped(light=LIGHT) as uav:
         uav.fly()
+        uav.keep_samples()
         yield uav
 
 
 def go(uav: Stepped, x: float, y: float, z: float) -> None:
     uav.end(uav.prepare.go_to_waypoint(at(x, y, z)).begin().future)
-    uav.samples.clear()
+    uav.keep_samples()
 
 
 def positions(uav: Stepped) -> list[Vector3]:
@@ -43,6 +44,7 @@ def from_home_m(place: Vector3) -> float:
 
 
 def test_it_climbs_flies_home_and_lands_as_one_task(flying: Stepped) -> None:
+    flying.update_each_step()
     go(flying, 12.0, -9.0, 5.0)
     task = flying.prepare.return_to_launch().begin()
     progress = []
@@ -123,7 +125,7 @@ def test_from_a_motion_it_first_comes_to_rest(flying: Stepped) -> None:
     flying.prepare.go_to_waypoint(at(30.0, -1.0, 3.0)).begin()
     flying.run(4.0)
     begun = flying.pose.position
-    flying.samples.clear()
+    flying.keep_samples()
     flying.end(flying.prepare.return_to_launch(8.0).begin().future)
     flown = positions(flying)
     assert max(p.x for p in flown) < begun.x + 2.0

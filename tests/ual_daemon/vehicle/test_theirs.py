@@ -79,7 +79,7 @@ def test_a_landing_that_ual_was_commanded_to_leaves_the_ground_ours_after_a_rest
     uav.vehicle.close()
     vehicle = Vehicle(uav.vehicle.backend)
     vehicle.open()
-    new = Stepped(vehicle)
+    new = Stepped(vehicle, uav.world)
     new.run(0.2)  # FLYING_AUTO, and not commanded
     new.end(new.prepare.land().begin().future)
     assert new.state is State.LANDED_ARMED

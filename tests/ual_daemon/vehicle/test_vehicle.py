@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.ual_daemon.stepped import STEP_S, Stepped, at, stepped
+from tests.ual_daemon.stepped import STEP_S, UPDATE_S, Stepped, at, stepped
 from ual.errors import (
     GeofenceError,
     InvalidArgumentError,
@@ -60,6 +60,8 @@ def failure(task: VehicleTask) -> UalError:
 
 
 def test_a_flight_goes_through_its_states(uav: Stepped) -> None:
+    uav.keep_samples()
+    uav.run(UPDATE_S)
     uav.arm()
     uav.end(uav.prepare.take_off(3.0).begin().future)
     uav.end(uav.prepare.land().begin().future)
@@ -77,6 +79,7 @@ def test_a_flight_goes_through_its_states(uav: Stepped) -> None:
 
 @pytest.mark.parametrize("height_m", [0.5, 3.0, 20.0])
 def test_take_off_ends_within_5_percent_of_its_height_and_slow(uav: Stepped, height_m: float) -> None:
+    uav.keep_samples()
     uav.arm()
     task = uav.prepare.take_off(height_m).begin()
     assert task.info().status is TaskStatus.RUNNING
@@ -154,6 +157,7 @@ def test_the_safety_pilot_aborts_take_off_and_landing(uav: Stepped, phase: str) 
 
 
 def test_go_to_is_straight_with_a_synchronized_heading_and_does_not_overshoot(flying: Stepped) -> None:
+    flying.keep_samples()
     task = flying.prepare.go_to_waypoint(at(4, 2, 5, math.pi / 2)).begin()
     flying.end(task.future)
     start, goal = Vector3(0, 0, 3), Vector3(4, 2, 5)
@@ -174,7 +178,7 @@ def test_go_to_is_straight_with_a_synchronized_heading_and_does_not_overshoot(fl
 
 def test_go_to_turns_the_smaller_angle(flying: Stepped) -> None:
     flying.end(flying.prepare.go_to_waypoint(at(0, 0, 3, math.radians(170))).begin().future)
-    flying.samples.clear()
+    flying.keep_samples()
     flying.end(flying.prepare.go_to_waypoint(at(0, 0, 3, math.radians(-170))).begin().future)
     assert all(abs(s.pose.yaw_rad) > math.radians(168) for s in flying.samples if s.pose)
 
@@ -226,6 +230,7 @@ def test_impossible_geographic_goals_are_refused(flying: Stepped, latitude: floa
 
 
 def test_a_path_stops_at_each_waypoint_or_rounds_corners(flying: Stepped) -> None:
+    flying.keep_samples()
     corners = [at(3, 0, 3), at(3, 3, 3), at(0, 3, 3)]
     task = flying.prepare.follow_path(corners).begin()
     flying.end(task.future)
@@ -233,7 +238,7 @@ def test_a_path_stops_at_each_waypoint_or_rounds_corners(flying: Stepped) -> Non
     assert stopped < 0.02
     assert task.info().waypoint_index == 2
     flying.end(flying.prepare.go_to_waypoint(at(0, 0, 3)).begin().future)
-    flying.samples.clear()
+    flying.keep_samples()
     flying.end(flying.prepare.follow_path(corners, corner_radius_m=1.0).begin().future)
     nearest = min((s.pose.position - Vector3(3, 0, 3)).norm() for s in flying.samples if s.pose)
     assert 0.2 < nearest < 1.0
@@ -244,6 +249,7 @@ def test_at_a_stop_the_reference_waits_until_the_uav_has_stopped() -> None:
     sluggish = {"response_s": 1.5}
     with stepped(light=sluggish) as uav:
         uav.fly()
+        uav.keep_samples()
         corner = Vector3(3, 0, 3)
         uav.end(uav.prepare.follow_path([at(3, 0, 3), at(3, 3, 3)]).begin().future)
         near = [s for s in uav.samples if s.pose and (s.pose.position - corner).norm() < 0.5]
@@ -258,6 +264,7 @@ def test_an_empty_path_is_refused(flying: Stepped) -> None:
 def test_the_limits_of_the_user_hold() -> None:
     slow = VehicleSettings(limits=LimitSettings(horizontal_speed_m_s=0.5, climb_speed_m_s=0.4))
     with stepped(slow) as uav:
+        uav.keep_samples()
         uav.arm()
         uav.end(uav.prepare.take_off(2.0).begin().future)
         uav.end(uav.prepare.go_to_waypoint(at(2, 0, 2)).begin().future)
@@ -269,6 +276,7 @@ def test_the_limits_of_the_user_hold() -> None:
 
 
 def test_a_moving_start_bends_smoothly_to_a_new_goal(flying: Stepped) -> None:
+    flying.keep_samples()
     first = flying.prepare.go_to_waypoint(at(6, 0, 3)).begin()
     flying.run(2.0)
     second = flying.prepare.go_to_waypoint(at(3, 4, 3)).begin()
@@ -277,7 +285,7 @@ def test_a_moving_start_bends_smoothly_to_a_new_goal(flying: Stepped) -> None:
     flying.end(second.future)
     positions = [s.pose.position for s in flying.samples if s.pose]
     steps = [(b - a).norm() for a, b in itertools.pairwise(positions)]
-    assert max(steps) <= 1.6 * STEP_S * 1.05
+    assert max(steps) <= 1.6 * UPDATE_S * 1.05
     assert tuple(flying.pose.position) == pytest.approx((3, 4, 3), abs=0.03)
 
 
@@ -312,6 +320,7 @@ def test_a_velocity_beyond_the_limits_is_scaled_and_keeps_its_direction(flying: 
 
 
 def test_setpoints_that_a_caller_streams_are_not_sent_twice(flying: Stepped, monkeypatch: pytest.MonkeyPatch) -> None:
+    flying.update_each_step()
     sent: list[Setpoint] = []
     backend, snapshot = flying.vehicle.backend, flying.vehicle.backend.snapshot
     monkeypatch.setattr(backend, "send", sent.append)
@@ -520,7 +529,7 @@ def test_a_defect_of_what_is_next_to_flying_does_not_end_the_flight(
     broken = getattr(flying.vehicle, part)
     monkeypatch.setattr(broken, "update", fail)
     monkeypatch.setattr(flying.vehicle.gimbals, "due_s", -math.inf)
-    flying.samples.clear()
+    flying.keep_samples()
     flying.end(flying.prepare.go_to_waypoint(at(3, 0, 3)).begin().future)
     assert flying.pose.position.x == pytest.approx(3.0, abs=0.3)
     assert flying.samples
@@ -681,6 +690,7 @@ def test_motors_without_power_time_out_and_the_error_names_the_distance(flying: 
 
 
 def test_a_go_to_arrives_in_wind(flying: Stepped) -> None:
+    flying.keep_samples()
     flying.sim.set_wind(Vector3(0, 3.0, 0))
     flying.end(flying.prepare.go_to_waypoint(at(6, 0, 3)).begin().future)
     assert max(abs(s.pose.position.y) for s in flying.samples if s.pose) < 0.15
@@ -767,6 +777,7 @@ def test_frames_of_the_configuration_are_there() -> None:
 
 
 def test_telemetry_agrees_with_itself(flying: Stepped) -> None:
+    flying.keep_samples()
     flying.end(flying.prepare.go_to_waypoint(at(2, 1, 3, 1.0)).begin().future)
     task = flying.prepare.go_to_waypoint(at(5, 1, 3)).begin()
     flying.run(1.0)
@@ -887,6 +898,7 @@ def test_a_defect_in_a_manoeuvre_ends_it_and_the_uav_stops(flying: Stepped, monk
 def test_a_defect_in_a_reference_stops_the_uav_and_updates_go_on(
     flying: Stepped, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    flying.keep_samples()
     flying.vehicle.commands.setpoints.set_pose(at(9, 0, 3))
     flying.run(1.5)
     with monkeypatch.context() as patch:
@@ -910,7 +922,7 @@ def test_only_one_thread_at_a_time_calls_a_reference(flying: Stepped, monkeypatc
     monkeypatch.setattr(Hold, "setpoint", setpoint)
     flying.vehicle.commands.setpoints.set_pose(at(1, 0, 3))
     assert has_reference == [False]  # by the caller, before the update thread has the reference
-    flying.run(STEP_S)
+    flying.run(UPDATE_S)
     assert has_reference == [False, True]
 
 

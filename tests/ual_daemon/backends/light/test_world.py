@@ -199,6 +199,8 @@ def reported(seed: int) -> list[Telemetry]:
     """Everything that a flight tells, but what is from outside its world: wall-clock stamps and the names of tasks."""
     light = {"position_noise_m": 0.02, "velocity_noise_m_s": 0.01, "seed": seed, "wind_m_s": [1.0, 0.5, 0.0]}
     with stepped(light=light) as uav:
+        uav.update_each_step()
+        uav.keep_samples()
         flight(uav)
         return [replace(s, stamp_s=0.0, odometry=None, transform=None, task=None) for s in uav.samples]
 

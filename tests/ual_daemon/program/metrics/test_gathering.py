@@ -51,6 +51,7 @@ class Measured:
 @pytest.fixture
 def measured() -> Iterator[Measured]:
     with stepped() as uav:
+        uav.update_each_step()
         yield Measured(uav)
 
 
