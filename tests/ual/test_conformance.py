@@ -11,11 +11,14 @@ import pytest
 import ual
 from tests.conftest import DaemonProcess, daemon_environment
 from tests.patient_checks import run_check
+from tests.ual_daemon.stepped import SteppedWorld
 from ual import conformance
 from ual.conformance import Check, Flight, Tolerances
 from ual.conformance.flight import CannotRunError
 from ual.interface import Uav
 from ual_daemon import UAL
+from ual_daemon.backends.base import BackendOptions
+from ual_daemon.backends.light import LightBackend
 
 # Fast, but so that a busy computer does not lose what the checks look for.
 SPEED_FACTOR = 3.0
@@ -23,7 +26,7 @@ SPEED_FACTOR = 3.0
 
 def over_class(stack: ExitStack, directory: Path) -> Uav:
     assert directory.is_dir()
-    return stack.enter_context(UAL("light", "uav_1", backend_settings={"speed_factor": SPEED_FACTOR}))
+    return stack.enter_context(UAL(LightBackend(BackendOptions("uav_1"), SteppedWorld(SPEED_FACTOR))))
 
 
 def over_tcp(stack: ExitStack, directory: Path) -> Uav:

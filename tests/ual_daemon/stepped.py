@@ -28,7 +28,10 @@ UPDATE_S = 2 * STEP_S
 
 
 class SteppedWorld(World):
-    """World whose vehicles are updated after every n-th step (`every`), and when something has changed."""
+    """World whose vehicles are updated after every n-th step (`every`), and when something has changed.
+
+    Its time may run by itself, too.
+    """
 
     every = round(UPDATE_S / STEP_S)
 
