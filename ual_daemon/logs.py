@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from ual.errors import UalError
 
-_LONGEST_VALUE = 300
+_LONGEST_VALUE_CHARACTERS = 300
 """In characters. Callers give names and values: they must not fill the log."""
 _PLAIN_VALUE = re.compile(r"[^\s\"\\=\x00-\x1f\x7f]+")
 
@@ -77,6 +77,6 @@ def _text(value: object) -> str:
     return text if _PLAIN_VALUE.fullmatch(text) else json.dumps(text, ensure_ascii=False)
 
 
-def clipped(text: str, longest: int = _LONGEST_VALUE) -> str:
+def clipped(text: str, longest: int = _LONGEST_VALUE_CHARACTERS) -> str:
     """Returns a text, cut off with its length where it is too long for a log."""
     return text if len(text) <= longest else f"{text[:longest]}... ({len(text)} characters)"

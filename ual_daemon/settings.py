@@ -16,8 +16,8 @@ import msgspec
 from msgspec import Meta
 
 FRAME_ID_PATTERN = r"^[A-Za-z_][A-Za-z0-9_]*(/[A-Za-z_][A-Za-z0-9_]*)*\Z"
-LONGEST_NAMESPACE = 64
-NAMESPACE_PATTERN = rf"^[A-Za-z_][A-Za-z0-9_]{{0,{LONGEST_NAMESPACE - 1}}}\Z"
+LONGEST_NAMESPACE_CHARACTERS = 64
+NAMESPACE_PATTERN = rf"^[A-Za-z_][A-Za-z0-9_]{{0,{LONGEST_NAMESPACE_CHARACTERS - 1}}}\Z"
 
 Positive = Annotated[float, Meta(gt=0.0)]
 NotNegative = Annotated[float, Meta(ge=0.0)]
@@ -272,7 +272,7 @@ _TYPES = {
     "null": "nothing",
 }
 _BOUNDS = {"of length": "of length", ">=": "of at least", ">": "above", "<=": "of at most", "<": "below"}
-_LEAST_ALIKE = 0.75
+_LEAST_SIMILARITY = 0.75
 _INDEX = re.compile(r"\[[^]]*\]")
 
 
@@ -288,7 +288,7 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     last = word.rsplit(".", maxsplit=1)[-1]
     alike = [] if "[" in word else [name for name in names if name.split(".")[-1] == last]
     word = _INDEX.sub("", word)
-    alike = alike or difflib.get_close_matches(word, names, n=3, cutoff=_LEAST_ALIKE)
+    alike = alike or difflib.get_close_matches(word, names, n=3, cutoff=_LEAST_SIMILARITY)
     return f"; did you mean {' or '.join(alike)}?" if alike else ""
 
 

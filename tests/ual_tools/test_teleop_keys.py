@@ -15,7 +15,7 @@ from ual_tools.teleop.actions import CONFIRMED, Action
 from ual_tools.teleop.echo import Echo
 from ual_tools.teleop.keyboard import CONFIRM_S, Decoder, Keys, Menu, Steps
 from ual_tools.teleop.smoothing import SmoothedAxis
-from ual_tools.teleop.stepper import BEGIN, REPEAT_S, Stepper
+from ual_tools.teleop.stepper import BEGIN_DEFLECTION, REPEAT_S, Stepper
 from ual_tools.teleop.sticks import CENTRED, Sticks
 
 UP_ARROW = b"\x1b[A"
@@ -64,7 +64,7 @@ def test_a_released_key_stops_soon(delay: float, period: float, duration: float)
 
 def test_a_tap_moves_little() -> None:
     values = [value for _, value in sampled([0.0], 2.0)]
-    assert max(values) == smoothing.TAP
+    assert max(values) == smoothing.TAP_DEFLECTION
     assert sum(values) * TICK_S < 0.25
 
 
@@ -125,8 +125,8 @@ def test_each_key_moves_its_axis_alone(key: bytes, axis: str, sign: int) -> None
     keys = Keys()
     keys.press(key, 0.0)
     sticks = keys.sticks(0.5)
-    assert getattr(sticks, axis) == sign * smoothing.TAP
-    assert sum(map(abs, astuple(sticks))) == smoothing.TAP
+    assert getattr(sticks, axis) == sign * smoothing.TAP_DEFLECTION
+    assert sum(map(abs, astuple(sticks))) == smoothing.TAP_DEFLECTION
 
 
 @given(st.lists(st.sampled_from([b"\x1b[A", b"\x1bOD", b"w", b"t", b" ", b"\x1b[5~"])), st.data())
@@ -216,11 +216,11 @@ def test_a_deflection_that_is_held_makes_two_steps_a_second_at_most(values: list
     steps = [stepper.steps(Sticks(forward=value), tick * 0.05).forward for tick, value in enumerate(values)]
     for tick, step in enumerate(steps):
         if step:
-            assert step * values[tick] >= BEGIN or values[tick] * step > 0.0
+            assert step * values[tick] >= BEGIN_DEFLECTION or values[tick] * step > 0.0
     up = [tick for tick, step in enumerate(steps) if step > 0.0]
     for first, then in itertools.pairwise(up):
         between = values[first:then]
-        assert (then - first) * 0.05 >= REPEAT_S - 1e-9 or min(between) < BEGIN
+        assert (then - first) * 0.05 >= REPEAT_S - 1e-9 or min(between) < BEGIN_DEFLECTION
 
 
 # --- Speeds -----------------------------------------------------------------------------------------------------------

@@ -19,7 +19,7 @@ from ual.access.roles import Role
 from ual.contract.method import Kind, Method, Moves
 
 '''
-_LONGEST = 90
+_LONGEST_CHARACTERS = 90
 """A longer text is written in parts."""
 
 
@@ -51,7 +51,7 @@ def _arguments(method: Method) -> Iterator[str]:
 def _code(value: object) -> str:
     if isinstance(value, Enum):
         return f"{type(value).__name__}.{value.name}"
-    if isinstance(value, str) and len(value) > _LONGEST:
-        middle = value.rindex(" ", 0, _LONGEST) + 1
+    if isinstance(value, str) and len(value) > _LONGEST_CHARACTERS:
+        middle = value.rindex(" ", 0, _LONGEST_CHARACTERS) + 1
         return f'"{value[:middle]}" "{value[middle:]}"'
     return f'"{value}"' if isinstance(value, str) else repr(value)

@@ -6,7 +6,7 @@ import os
 import stat
 from pathlib import Path
 
-_LONGEST_FILE = 4096
+_LONGEST_FILE_BYTES = 4096
 
 
 def read_own(path: Path) -> bytes:
@@ -20,9 +20,9 @@ def read_own(path: Path) -> bytes:
             raise ValueError("not a regular file")
         if found.st_uid != os.geteuid():
             raise ValueError("a file of another user")
-        text = os.read(handle, _LONGEST_FILE + 1)
+        text = os.read(handle, _LONGEST_FILE_BYTES + 1)
     finally:
         os.close(handle)
-    if len(text) > _LONGEST_FILE:
+    if len(text) > _LONGEST_FILE_BYTES:
         raise ValueError("too long")
     return text

@@ -12,9 +12,9 @@ from msgspec import structs
 from ual import discovery
 from ual.geometry import Vector3
 from ual_daemon.program.configuration import DaemonSettings
-from ual_daemon.settings import LONGEST_NAMESPACE, ConfigError, VehicleSettings
+from ual_daemon.settings import LONGEST_NAMESPACE_CHARACTERS, ConfigError, VehicleSettings
 
-ROW = 10
+UAVS_IN_ROW = 10
 """UAVs in a row, from west to east. The next row is to the north."""
 
 _FILES_EACH = 2
@@ -33,8 +33,10 @@ def names(first: str, count: int) -> list[str]:
     """
     base, number = discovery.split_number(first)
     begin = 1 if number is None else number
-    if len(f"{base}_{begin + count}") > LONGEST_NAMESPACE:
-        raise ConfigError(f"{first}: the names of a fleet of {count} are longer than {LONGEST_NAMESPACE}", "ns")
+    if len(f"{base}_{begin + count}") > LONGEST_NAMESPACE_CHARACTERS:
+        raise ConfigError(
+            f"{first}: the names of a fleet of {count} are longer than {LONGEST_NAMESPACE_CHARACTERS}", "ns"
+        )
     return [f"{base}_{begin + i}" for i in range(count)]
 
 
@@ -60,11 +62,11 @@ def urls(count: int | None, given: Sequence[str], key: Callable[[str], str] = st
 
 
 def grid_positions(urls: Sequence[str | None], spacing_m: float) -> list[Vector3]:
-    """Returns where simulated UAVs stand, relative to the first one: in rows of `ROW`, so that a UAV's position does
-    not depend on how many there are. Vehicles with a URL stand where they stand: all get the same place.
+    """Returns where simulated UAVs stand, relative to the first one: in rows of `UAVS_IN_ROW`, so that a UAV's position
+    does not depend on how many there are. Vehicles with a URL stand where they stand: all get the same place.
     """
     return [
-        Vector3(i % ROW * spacing_m, i // ROW * spacing_m, 0.0) if url is None else Vector3()
+        Vector3(i % UAVS_IN_ROW * spacing_m, i // UAVS_IN_ROW * spacing_m, 0.0) if url is None else Vector3()
         for i, url in enumerate(urls)
     ]
 

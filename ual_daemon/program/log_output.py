@@ -33,7 +33,7 @@ _RETRY_S = 0.1
 """The pause after a line that could not be written."""
 _CLOSED_ERRORS = (errno.EPIPE, errno.EBADF)
 """Errors after which nobody can read the stream any more."""
-_LONGEST_MESSAGE = 2000
+_LONGEST_MESSAGE_CHARACTERS = 2000
 """In characters, of what is no event."""
 
 
@@ -58,7 +58,11 @@ class JsonFormatter(logging.Formatter):
             "time": f"{when}.{int(record.msecs):03d}Z",
             "level": record.levelname.lower(),
             "logger": record.name,
-            **({"message": logs.clipped(record.getMessage(), _LONGEST_MESSAGE)} if name is None else {"event": name}),
+            **(
+                {"message": logs.clipped(record.getMessage(), _LONGEST_MESSAGE_CHARACTERS)}
+                if name is None
+                else {"event": name}
+            ),
             **{key: _json(value) for key, value in getattr(record, "ual_fields", {}).items()},
         }
         if record.exc_info:
@@ -70,7 +74,7 @@ def text_of(record: logging.LogRecord) -> str:
     """Returns a record as text without time, level and logger, for a recording, which has these by themselves."""
     name: str | None = getattr(record, "ual_event", None)
     if name is None:
-        return logs.clipped(record.getMessage(), _LONGEST_MESSAGE)
+        return logs.clipped(record.getMessage(), _LONGEST_MESSAGE_CHARACTERS)
     return logs.event_text(name, getattr(record, "ual_fields", {}))
 
 

@@ -18,7 +18,7 @@ from ual_daemon.settings import ConfigError
 if TYPE_CHECKING:  # the addresses decide how gRPC is to be imported
     from ual_daemon.server.transport.base import MakeCredentials, TransportServer
 
-_LONGEST_UNIX_PATH = 107
+_LONGEST_UNIX_PATH_BYTES = 107
 
 
 class ListenError(Exception):
@@ -53,8 +53,10 @@ def parse(text: str) -> Address:
     """
     if text.startswith("unix:"):
         path = text.removeprefix("unix://" if text.startswith("unix:///") else "unix:")
-        if not path or len(os.fsencode(path)) > _LONGEST_UNIX_PATH:
-            raise ConfigError(f"{text!r}: the path of a unix socket has 1 to {_LONGEST_UNIX_PATH} bytes", "listen")
+        if not path or len(os.fsencode(path)) > _LONGEST_UNIX_PATH_BYTES:
+            raise ConfigError(
+                f"{text!r}: the path of a unix socket has 1 to {_LONGEST_UNIX_PATH_BYTES} bytes", "listen"
+            )
         return Address(path, 0, is_unix=True)
     match = re.fullmatch(r"(?:\[([0-9A-Fa-f:.]+)\]|([^\s:/\[\]]+)):([0-9]{1,5})", text)
     if match is None or int(match[3]) > 65535:

@@ -20,7 +20,7 @@ from ual_daemon import logs
 
 T = TypeVar("T")
 
-MOST_AT_ONCE = 2
+MOST_PLANS_AT_ONCE = 2
 """For one UAV."""
 
 _log = logging.getLogger(__name__)
@@ -48,7 +48,7 @@ class Planning:
     """The plans that are computed for the callers of one UAV. Any thread may call."""
 
     def __init__(self) -> None:
-        self._free = threading.BoundedSemaphore(MOST_AT_ONCE)
+        self._free = threading.BoundedSemaphore(MOST_PLANS_AT_ONCE)
         self._lock = threading.Lock()
         self._figures = PlanFigures()
 
@@ -66,9 +66,9 @@ class Planning:
         """
         if not self._free.acquire(blocking=False):
             error = ResourceExhaustedError(
-                f"{what}: {MOST_AT_ONCE} paths are being planned for this UAV already, which is the limit; try again "
-                "when one of them is ready",
-                {"limit": str(MOST_AT_ONCE)},
+                f"{what}: {MOST_PLANS_AT_ONCE} paths are being planned for this UAV already, which is the limit; try "
+                "again when one of them is ready",
+                {"limit": str(MOST_PLANS_AT_ONCE)},
             )
             logs.refused(_log, what, error)
             raise error

@@ -38,7 +38,7 @@ _Maybe: TypeAlias = R | Awaitable[R]
 _log = logging.getLogger(__name__)
 
 _WATCH_RATE_HZ = 10.0
-_LONGEST_HOLDER = 64
+_LONGEST_HOLDER_CHARACTERS = 64
 _MAX_WATCH_RATE_HZ = 50.0
 """As often as a UAV is updated: nothing changes in between, and one watcher must not take a core of the daemon."""
 
@@ -213,7 +213,7 @@ class UalServicer(UalServicerBase):
         who = caller.current.get()
         if request.take:
             who.require(Role.COMMANDER, "taking the lease")
-        holder = request.holder or logs.caller_text()[:_LONGEST_HOLDER] or who.name
+        holder = request.holder or logs.caller_text()[:_LONGEST_HOLDER_CHARACTERS] or who.name
         lease_id = self._vehicle.acquire_lease(holder, who.name, take=request.take, lease_id=lease_of(context))
         return pb.AcquireLeaseResponse(
             lease_id=lease_id,

@@ -19,7 +19,7 @@ MOST_BYTES_PER_S = 20_000
 """A base station sends 1 to 4 kB a second. More would take time from flights."""
 BURST_BYTES = 65_536
 """Most bytes at once: those that a caster or a base has kept while a connection was away."""
-LONGEST_NAME = 100
+LONGEST_NAME_CHARACTERS = 100
 
 
 class CorrectionsStream:
@@ -75,7 +75,7 @@ class VehicleCorrections:
         """Begins to send; see `ual.interface.Corrections.stream`. `sender` is human-readable."""
         offer = self._offer()
         require_not_watching(self._vehicle, "stream corrections")
-        return CorrectionsStream(offer, sender[:LONGEST_NAME])
+        return CorrectionsStream(offer, sender[:LONGEST_NAME_CHARACTERS])
 
     def status(self) -> CorrectionsStatus:
         """See `ual.interface.Corrections`."""

@@ -16,7 +16,7 @@ from ual_daemon.backends.offers.logs import AutopilotLogs
 from ual_daemon.services.answers import Steps
 from ual_daemon.services.vehicle import ServedVehicle, driver_of
 
-CHUNK = 32_768
+CHUNK_BYTES = 32_768
 """Bytes that are read at a time: over a slow radio in flight that takes half a minute."""
 LONGEST_ID = 200
 
@@ -83,7 +83,7 @@ def _pieces(offer: AutopilotLogs, log: Log, offset: int) -> Steps[LogChunk]:
     """Yields a log from an offset on. Raises `RejectedByAutopilotError` where it has become shorter."""
     digest, is_over = hashlib.sha256(), False
     while not is_over:
-        size = min(CHUNK, log.size_bytes - offset)
+        size = min(CHUNK_BYTES, log.size_bytes - offset)
         data: bytes = (yield offer.read(log.id, offset, size)) if size else b""
         if size and not data:
             text = f"log {log.id} ends at {offset} of {log.size_bytes} bytes: the autopilot has changed it"

@@ -27,11 +27,11 @@ from ual_daemon.trajectory.envelope import (
 CHECK_PERIOD_S = 0.02
 """The time between the motions of a change that are checked: as short as the period of the setpoints of most autopilots
 (50 Hz). Over a longer time, only the mean of a jerk that the change adds to and of the jerk after it would show."""
-_MARGIN = 1e-3
+_MARGIN_RATIO = 1e-3
 _SHORTEST_S = 0.4
 _LONGEST_S = 8.0
 _RETRY_S = 0.1
-_SMALL = 0.1
+_SMALL_RATE = 0.1
 _SLOWEST_M_S = 1e-3
 _TRIES = (None, (1.0, 1.0), (1.0, 2.0), (0.5, 1.0), (0.5, 2.0), (0.25, 2.0), (0.1, 2.0))
 """A stop, or the share of the wanted change that is tried, and its duration as a multiple of the shortest possible."""
@@ -130,7 +130,7 @@ class TimeScaling:
         )
 
     def _needs_change(self, wanted_scale: float) -> bool:
-        return abs(wanted_scale - self._scale) > (_SMALL if 0.0 < wanted_scale < 1.0 else 1e-9)
+        return abs(wanted_scale - self._scale) > (_SMALL_RATE if 0.0 < wanted_scale < 1.0 else 1e-9)
 
     def _pass(self, passed_s: float) -> None:
         while self._change is not None:
@@ -186,7 +186,7 @@ class TimeScaling:
         for index in range(math.ceil(change.duration_s / CHECK_PERIOD_S) + 1):
             check_s = min(index * CHECK_PERIOD_S, change.duration_s)
             time_s, scale, scale_rate = change.at(check_s)
-            if not 0.0 <= scale <= 1.0 + _MARGIN:
+            if not 0.0 <= scale <= 1.0 + _MARGIN_RATIO:
                 return False
             own, step_s, last_s = self._trajectory.at(time_s), max(1e-6, check_s - last_s), check_s
             sent = scaled(own, scale, scale_rate)
@@ -201,11 +201,11 @@ class TimeScaling:
         """
         limits = self._trajectory.limits
         return (
-            speed_share(sent.velocity, limits) <= max(1.0, speed_share(own.velocity, limits)) + _MARGIN
+            speed_share(sent.velocity, limits) <= max(1.0, speed_share(own.velocity, limits)) + _MARGIN_RATIO
             and acceleration_share(sent.acceleration, limits)
-            <= max(1.0, acceleration_share(own.acceleration, limits)) + _MARGIN
+            <= max(1.0, acceleration_share(own.acceleration, limits)) + _MARGIN_RATIO
             and abs(sent.yaw_acceleration_rad_s2)
-            <= max(turn_acceleration_limit(limits), abs(own.yaw_acceleration_rad_s2)) * (1 + _MARGIN)
+            <= max(turn_acceleration_limit(limits), abs(own.yaw_acceleration_rad_s2)) * (1 + _MARGIN_RATIO)
         )
 
     def _is_smooth(self, last: Motion, sent: Motion, step_s: float) -> bool:
@@ -213,9 +213,9 @@ class TimeScaling:
         limits = self._trajectory.limits
         jerk = (sent.acceleration - last.acceleration) / step_s
         yaw_jerk = (sent.yaw_acceleration_rad_s2 - last.yaw_acceleration_rad_s2) / step_s
-        return acceleration_share(jerk, limits) * RAMP_S <= 1.0 + _MARGIN and abs(yaw_jerk) <= turn_jerk_limit(
+        return acceleration_share(jerk, limits) * RAMP_S <= 1.0 + _MARGIN_RATIO and abs(yaw_jerk) <= turn_jerk_limit(
             limits
-        ) * (1 + _MARGIN)
+        ) * (1 + _MARGIN_RATIO)
 
 
 def scaled(motion: Motion, scale: float, scale_rate: float) -> Motion:

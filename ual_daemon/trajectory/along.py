@@ -29,10 +29,10 @@ from ual_daemon.trajectory.pulse import change_m, change_s
 _LONGEST_S = 600.0
 """Ruckig is numerically unstable for motions that take hours."""
 _ALONG_SHARE = 0.95
-_HALVINGS = 6
+_HALVINGS_COUNT = 6
 _NOTHING = 1e-9
-_LOOKS = 40
-_SLACK = 1e-6
+_SAMPLES_COUNT = 40
+_SLACK_RATIO = 1e-6
 
 
 class Along:
@@ -106,11 +106,11 @@ class Along:
         """Returns whether the velocities and accelerations of all axes together are allowed. From a start at a limit
         they may exceed it.
         """
-        for look in range(_LOOKS + 1):
-            _, v, a = self.at(self.duration_s * look / _LOOKS)
+        for look in range(_SAMPLES_COUNT + 1):
+            _, v, a = self.at(self.duration_s * look / _SAMPLES_COUNT)
             share = acceleration_share(a, limits)
             died_out = v + a * (share * RAMP_S / 2)
-            if max(share, speed_share(v, limits), speed_share(died_out, limits)) > 1.0 + _SLACK:
+            if max(share, speed_share(v, limits), speed_share(died_out, limits)) > 1.0 + _SLACK_RATIO:
                 return False
         return True
 
@@ -133,7 +133,7 @@ def _axes(direction: Vector3) -> list[Vector3]:
 
 
 def _fits(numbers: Sequence[float], limits: Sequence[float]) -> bool:
-    return all(abs(number) <= limit * (1.0 + _SLACK) for number, limit in zip(numbers, limits, strict=True))
+    return all(abs(number) <= limit * (1.0 + _SLACK_RATIO) for number, limit in zip(numbers, limits, strict=True))
 
 
 def _shares(axes: Sequence[Vector3], limits: Limits) -> tuple[float, float, float]:
@@ -146,7 +146,7 @@ def _shares(axes: Sequence[Vector3], limits: Limits) -> tuple[float, float, floa
         return all(share(corner) <= 1.0 for corner in corners)
 
     low, high = 0.0, 1.0
-    for _ in range(_HALVINGS):
+    for _ in range(_HALVINGS_COUNT):
         middle = (low + high) / 2
         fits = is_within(
             middle,

@@ -31,10 +31,10 @@ _NO_ACCELERATION = 1e-9
 _NO_TIME_S = 1e-9
 _MOST_SPEEDS = 10
 _MOST_AIMS = 60
-_GOOD_AIM = 1e-3
-_GOOD_SPEED = 0.01
+_AIM_TOLERANCE = 1e-3
+_SPEED_TOLERANCE = 0.01
 _HIT_M = 1e-9
-_LOOKS = 16
+_SAMPLES_COUNT = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,8 +111,8 @@ class Change:
         if self.acceleration == _NONE:  # all velocities are between the first and the last one
             return True
         allowed = 1.0 + 1e-9
-        for look in range(_LOOKS + 1):
-            x = look / _LOOKS
+        for look in range(_SAMPLES_COUNT + 1):
+            x = look / _SAMPLES_COUNT
             acceleration = self.acceleration + (self.held - self.acceleration) * x
             velocity = self.velocity + (self.acceleration + acceleration) * (x * self.blend_s / 2)
             died_out = velocity + acceleration * (acceleration_share(acceleration, limits) * RAMP_S / 2)
@@ -191,13 +191,13 @@ class _Aim:
         fastest = self._stoppable_m_s(direction, left_m + 2 * stop.total_displacement().norm())
         share, high, at_high = min(1.0, fastest / self._speed_limit(direction)), 1.0, -fastest
         for _ in range(_MOST_SPEEDS):
-            found = self._at(share, direction, _GOOD_AIM)
+            found = self._at(share, direction, _AIM_TOLERANCE)
             spare = -1.0 if found is None else self._stoppable_m_s(found[1], found[3]) - found[2]
             if found is None or spare < 0.0:
                 high, at_high = share, spare
             else:
                 low, at_low, direction = share, spare, found[1]
-                if share == 1.0 or spare < _GOOD_SPEED * found[2]:
+                if share == 1.0 or spare < _SPEED_TOLERANCE * found[2]:
                     break
             share = low + (high - low) * max(0.1, min(0.9, at_low / (at_low - at_high)))
         while low > 0.0:

@@ -29,8 +29,8 @@ _FREE_SHARE = 0.95
 """Less than 1, because the rate may be a little larger between the samples."""
 _TURN_SHARE = 0.98
 _FIRST_MARGIN_S = 0.25
-_WIDER = 1.4
-_LOOKS = 32
+_WIDER_FACTOR = 1.4
+_SAMPLES_COUNT = 32
 _ABOVE_M = 1e-3
 
 
@@ -161,7 +161,7 @@ class Facing(HeadingPlan):
                     end_s = blind.pop(0)[1]
                     to_s = end_s + margin_s
                 turns = self._turns_between(from_s, yaw if from_s == 0.0 else self._at(from_s), to_s)
-                margin_s *= _WIDER
+                margin_s *= _WIDER_FACTOR
             for at_s, turn in turns:
                 self._times.append(at_s)
                 self._turns.append(turn)
@@ -206,7 +206,9 @@ class Facing(HeadingPlan):
         return begin[0] + wrap_angle(yaw - begin[0]), rate, acceleration
 
     def _is_kept(self, turn: Polynomial) -> bool:
-        rates, accelerations = zip(*(turn.at(turn.duration_s * i / _LOOKS)[1:] for i in range(_LOOKS + 1)), strict=True)
+        rates, accelerations = zip(
+            *(turn.at(turn.duration_s * i / _SAMPLES_COUNT)[1:] for i in range(_SAMPLES_COUNT + 1)), strict=True
+        )
         return (
             max(map(abs, rates)) <= _TURN_SHARE * self._limits.yaw_rate_rad_s
             and max(map(abs, accelerations)) <= _TURN_SHARE * turn_acceleration_limit(self._limits)

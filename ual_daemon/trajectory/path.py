@@ -26,7 +26,7 @@ from ual_daemon.trajectory.straight import StraightTrajectory
 _SAME_PLACE_M = 1e-6
 _LEAST_CUT_M = 1e-3
 _SHARPEST_ROUNDED_CORNER = math.cos(math.radians(170.0))
-_VERTICAL = 1e-3
+_LEAST_HORIZONTAL = 1e-3
 """A direction with a smaller horizontal part has no azimuth."""
 _SAME_TURN_RAD = 0.1
 
@@ -288,7 +288,7 @@ def _is_resting(motion: Motion) -> bool:
 
 
 def _azimuth(way: Vector3, otherwise_rad: float) -> float:
-    if way.horizontal_norm() <= _VERTICAL * way.norm():
+    if way.horizontal_norm() <= _LEAST_HORIZONTAL * way.norm():
         return otherwise_rad
     return math.atan2(way.y, way.x)
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from ual.geometry import Vector3
 
-_LONGEST = 256
+_LONGEST_POINTS = 256
 
 
 def kept(
@@ -28,7 +28,7 @@ def kept(
         begin = result[-1]
         # Doubles the distance each time, then searches between the last point that was straight and the first that was
         # not.
-        good, bad, step = begin + 1, min(count, begin + _LONGEST), 2
+        good, bad, step = begin + 1, min(count, begin + _LONGEST_POINTS), 2
         while begin + step < bad:
             if not _is_straight(points, fastest_m_s, yaws_rad, begin, begin + step, within_m, within_rad):
                 bad = begin + step

@@ -24,7 +24,7 @@ LOOPBACK = "127.0.0.1"
 _DEFAULT_PORT = 50051
 _PORT_BEFORE_FIRST = 50050
 LAST_PORT = 65535
-_LONGEST_FILE = 4096
+_LONGEST_FILE_BYTES = 4096
 _UNTRUSTED = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0)
 """Flags to open a file that any user may have put there: does not follow a link, and does not wait for a pipe."""
 
@@ -166,10 +166,10 @@ def _read_small(file: Path) -> tuple[bytes, int]:
         found = os.fstat(handle)
         if not stat.S_ISREG(found.st_mode):
             raise ValueError("not a regular file")
-        text = os.read(handle, _LONGEST_FILE + 1)
+        text = os.read(handle, _LONGEST_FILE_BYTES + 1)
     finally:
         os.close(handle)
-    if len(text) > _LONGEST_FILE:
+    if len(text) > _LONGEST_FILE_BYTES:
         raise ValueError("longer than any registration")
     return text, found.st_uid
 

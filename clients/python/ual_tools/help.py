@@ -25,7 +25,7 @@ class Section(Enum):
     TOOLS = "Checks and shell"
 
 
-WIDEST = 120
+WIDEST_COLUMNS = 120
 """The help uses the width of the terminal, up to this: longer lines are hard to read."""
 
 ALIASES: Mapping[str, str] = {"simulation": "sim"}

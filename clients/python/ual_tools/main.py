@@ -33,7 +33,7 @@ from ual_tools import (
     where,
 )
 from ual_tools.app import UalGroup
-from ual_tools.help import WIDEST
+from ual_tools.help import WIDEST_COLUMNS
 from ual_tools.network import gateway, router
 from ual_tools.ros2 import command as ros2
 from ual_tools.rtcm import command as rtcm
@@ -43,7 +43,7 @@ from ual_tools.view import command as view
 
 @click.group(
     cls=UalGroup,
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": WIDEST},
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": WIDEST_COLUMNS},
     examples=(
         "ual list",
         "ual takeoff 3",

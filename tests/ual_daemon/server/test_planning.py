@@ -9,7 +9,7 @@ import pytest
 from tests.waiting import LIMIT_S
 from ual.errors import InvalidArgumentError, ResourceExhaustedError
 from ual_daemon import logs
-from ual_daemon.server.planning import MOST_AT_ONCE, Planning
+from ual_daemon.server.planning import MOST_PLANS_AT_ONCE, Planning
 from ual_daemon.server.waiting import ended
 
 
@@ -23,7 +23,7 @@ def gate() -> Iterator[threading.Event]:
 
 def test_more_plans_than_a_few_at_once_are_refused_until_one_is_ready(gate: threading.Event) -> None:
     planning = Planning()
-    running = [planning.begin("follow_path", gate.wait) for _ in range(MOST_AT_ONCE)]
+    running = [planning.begin("follow_path", gate.wait) for _ in range(MOST_PLANS_AT_ONCE)]
     with pytest.raises(ResourceExhaustedError, match="follow_path: 2 paths are being planned") as caught:
         planning.begin("follow_path", gate.wait)
     assert caught.value.metadata["limit"] == "2"
@@ -38,7 +38,7 @@ def test_a_plan_that_fails_gives_its_error_and_its_room() -> None:
     def fail() -> None:
         raise InvalidArgumentError("waypoints: none")
 
-    for _ in range(2 * MOST_AT_ONCE):
+    for _ in range(2 * MOST_PLANS_AT_ONCE):
         assert isinstance(planning.begin("follow_path", fail).exception(LIMIT_S), InvalidArgumentError)
 
 
@@ -49,7 +49,7 @@ def test_a_plan_for_which_there_is_no_thread_is_refused_and_gives_its_room(monke
     planning = Planning()
     with monkeypatch.context() as full:
         full.setattr(threading.Thread, "start", fail)
-        for _ in range(MOST_AT_ONCE):
+        for _ in range(MOST_PLANS_AT_ONCE):
             with pytest.raises(ResourceExhaustedError, match="follow_path: this computer starts no more threads"):
                 planning.begin("follow_path", lambda: 3)
     assert planning.figures.running_count == 0

@@ -19,7 +19,7 @@ from ual.logs import Log
 from ual.types import State
 from ual_daemon.backends.offers.logs import AutopilotLogs
 from ual_daemon.services._derived import Logs
-from ual_daemon.services.logs import CHUNK, LONGEST_ID, VehicleLogs
+from ual_daemon.services.logs import CHUNK_BYTES, LONGEST_ID, VehicleLogs
 
 T = TypeVar("T")
 CONTENT = bytes(range(256)) * 1000
@@ -83,12 +83,12 @@ def test_a_log_comes_in_pieces_with_the_hash_at_the_end(logs: Logs, offer: Offer
     assert logs.get_all()[-1] == LOG
     chunks = list(logs.download(LOG.id))
     assert b"".join(each.data for each in chunks) == CONTENT
-    assert [each.offset for each in chunks] == list(range(0, len(CONTENT), CHUNK))
+    assert [each.offset for each in chunks] == list(range(0, len(CONTENT), CHUNK_BYTES))
     assert [each.sha256 for each in chunks] == [*[""] * 7, hashlib.sha256(CONTENT).hexdigest()]
-    assert max(offer.read_sizes) == CHUNK
+    assert max(offer.read_sizes) == CHUNK_BYTES
 
 
-@pytest.mark.parametrize("offset", [1, CHUNK, len(CONTENT) - 1, len(CONTENT)])
+@pytest.mark.parametrize("offset", [1, CHUNK_BYTES, len(CONTENT) - 1, len(CONTENT)])
 def test_a_download_goes_on_from_an_offset(logs: Logs, offset: int) -> None:
     chunks = list(logs.download(LOG.id, offset))
     assert b"".join(each.data for each in chunks) == CONTENT[offset:]

@@ -20,7 +20,7 @@ T = TypeVar("T")
 
 _REQUEST = 0
 _CONNECT_S, _SEND_S = 0.5, 0.5
-_LONGEST_MESSAGE = 1 << 24
+_LONGEST_MESSAGE_BYTES = 1 << 24
 _encode = msgspec.msgpack.Encoder().encode
 
 
@@ -58,7 +58,7 @@ class RemoteError(Exception):
 class RpcConnection:
     """One connection, for one thread. Requests may overlap; an answer is told by the number of its request."""
 
-    def __init__(self, address: AirsimAddress, longest_bytes: int = _LONGEST_MESSAGE) -> None:
+    def __init__(self, address: AirsimAddress, longest_bytes: int = _LONGEST_MESSAGE_BYTES) -> None:
         """Connects. An answer that is longer than `longest_bytes` ends the connection.
 
         Raises:

@@ -22,7 +22,7 @@ from ual_daemon.backends.crazyflie.outbox import PacketOutbox
 from ual_daemon.backends.crazyflie.packets import CrtpPacket
 from ual_daemon.settings import ConfigError
 
-LARGEST_PACKET = 64
+LARGEST_PACKET_BYTES = 64
 _UNREACHABLE = (errno.EHOSTUNREACH, errno.ENETUNREACH, errno.EHOSTDOWN)
 """Temporary errors of routers and firewalls; the link may come back, like a port where nobody listens."""
 _RATES = ("250K", "1M", "2M")
@@ -124,7 +124,7 @@ class CrtpUdpLink(CrtpLink):
 def _receive_all(opened: socket.socket, found: list[CrtpPacket]) -> None:
     """Receives until nothing is left, which raises BlockingIOError."""
     while True:
-        packet = CrtpPacket.decode(opened.recv(LARGEST_PACKET))
+        packet = CrtpPacket.decode(opened.recv(LARGEST_PACKET_BYTES))
         if packet is not None:
             found.append(packet)
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from ual_daemon.backends.clock import steady_s
 from ual_daemon.backends.crazyflie.packets import CrtpPacket
 
-LARGEST = 64
+MOST_PACKETS = 64
 """Most packets that wait; more are lost."""
 OLDEST_POSE_S = 0.2
 """A pose from outside that had to wait for longer is not sent: the estimator takes it for where it is now."""
@@ -32,7 +32,7 @@ class PacketOutbox:
     def put(self, packet: CrtpPacket) -> None:
         """Adds a packet; it is lost if too many wait."""
         with self._changed:
-            if len(self._packets) < LARGEST:
+            if len(self._packets) < MOST_PACKETS:
                 self._packets.append(packet)
                 self._changed.notify()
 

@@ -26,7 +26,7 @@ from ual_daemon.backends.offers.parameters import Refusal
 
 T = TypeVar("T")
 
-AT_ONCE = 4
+REQUESTS_AT_ONCE = 4
 """Most requests that wait for answers at a time: fewer than may be on their way, so that commands never wait for
 them.
 """
@@ -141,7 +141,7 @@ class _ParameterReading:
     def tick(self, now_s: float) -> None:
         if self._end_s is None:
             self._end_s = now_s + LIMIT_S + EACH_S * len(self._variables)
-        while self._next < len(self._variables) and len(self._asked) < AT_ONCE:
+        while self._next < len(self._variables) and len(self._asked) < REQUESTS_AT_ONCE:
             self._ask(self._next)
             self._next += 1
         if len(self._found) == len(self._variables):

@@ -60,7 +60,7 @@ VELOCITY_GAINS = {"MPC_XY_VEL_P_ACC": 1.8, "MPC_XY_VEL_D_ACC": 0.2}
 (_P_NAME, _P), (_D_NAME, _D) = VELOCITY_GAINS.items()
 _MOST_M_S2 = GRAVITY_M_S2
 """No velocity asks for more: it is a tilt of 45 degrees."""
-_LEAST_UPRIGHT = 0.5
+_LEAST_TILT_COSINE = 0.5
 """The cosine of the tilt beyond which it does not fly as a multirotor does."""
 _UNREAD: Mapping[str, float] = MappingProxyType({})
 
@@ -112,7 +112,7 @@ class FeedForward:
             old is not None and 0.0 <= passed_s <= _LONGEST_GAP_S and not _jumps(old, pose, velocity, passed_s)
         )
         upright = 1.0 - 2.0 * (q.x * q.x + q.y * q.y)  # the vertical part of the body's upward axis
-        if old is None or not is_continued or upright < _LEAST_UPRIGHT:
+        if old is None or not is_continued or upright < _LEAST_TILT_COSINE:
             self._smooth = _Smooth(
                 time_s, (velocity.x, velocity.y, velocity.z), (0.0, 0.0), (0.0, 0.0, 0.0), (pose.position, velocity)
             )

@@ -15,7 +15,7 @@ from ual_daemon.backends.values import Freshness, Snapshot
 
 REPORT_S = 8.0
 """Seconds for which a report of a picture is awaited, with the acknowledgement of its order."""
-LARGEST_GAP = 1000
+LARGEST_GAP_PHOTOS = 1000
 """Numbers of pictures that are further apart are no lost pictures: the camera counts anew."""
 
 
@@ -90,7 +90,7 @@ class TriggeredPhotos:
         """Takes that a picture was taken: its number, and where and when, as far as that is told."""
         if number == self._last:
             return
-        if self._last is not None and 0 < number - self._last <= LARGEST_GAP:
+        if self._last is not None and 0 < number - self._last <= LARGEST_GAP_PHOTOS:
             self.missed_count += number - self._last - 1
         self._last = number
         here = self.look()

@@ -51,7 +51,7 @@ PHOTO_MIB = 1.0
 """Storage in MiB that a picture takes, ..."""
 VIDEO_MIB_S = 2.0
 """... and a second of video."""
-LARGEST_ZOOM = 4.0
+LARGEST_ZOOM_FACTOR = 4.0
 _SEED_DISTANCE, _MOST_CAMERAS = 1 << 40, 1 << 8
 """Larger than the number of steps in any world, and of cameras: no two pictures have the same noise."""
 _ABILITIES = frozenset(CameraAbility) - {CameraAbility.FOCUS, CameraAbility.STREAMS}
@@ -310,7 +310,7 @@ class LightCamera(CameraDriver):
 
     def _intrinsics(self, zoom_percent: float) -> CameraIntrinsics:
         settings = self._settings
-        zoom = 1.0 + (LARGEST_ZOOM - 1.0) * zoom_percent / 100.0
+        zoom = 1.0 + (LARGEST_ZOOM_FACTOR - 1.0) * zoom_percent / 100.0
         view_rad = 2.0 * math.atan(math.tan(settings.horizontal_view_rad / 2.0) / zoom)
         return CameraIntrinsics.of_view(settings.width_px, settings.height_px, view_rad)
 

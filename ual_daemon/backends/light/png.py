@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
 _SUB = 1
 """The filter of each row: what is written is the difference to the pixel before."""
-_LEVEL, _MEMORY = 1, 9
+_COMPRESSION_LEVEL, _MEMORY = 1, 9
 
 
 def encode(picture: NDArray[np.uint8]) -> bytes:
@@ -26,7 +26,7 @@ def encode(picture: NDArray[np.uint8]) -> bytes:
     plain = picture.reshape(height_px, 3 * width_px)
     rows[:, 1:4] = plain[:, :3]
     np.subtract(plain[:, 3:], plain[:, :-3], out=rows[:, 4:])
-    packer = zlib.compressobj(_LEVEL, zlib.DEFLATED, zlib.MAX_WBITS, _MEMORY, zlib.Z_RLE)
+    packer = zlib.compressobj(_COMPRESSION_LEVEL, zlib.DEFLATED, zlib.MAX_WBITS, _MEMORY, zlib.Z_RLE)
     data = packer.compress(rows.data) + packer.flush()
     header = struct.pack(">IIBBBBB", width_px, height_px, 8, 2, 0, 0, 0)
     return b"".join((_SIGNATURE, _chunk(b"IHDR", header), _chunk(b"IDAT", data), _chunk(b"IEND", b"")))

@@ -224,10 +224,10 @@ class MavrosDiscovery:
     def _say(self, why: str) -> None:
         """Logs a trouble, once until all is well again: several services fail in turn while MAVROS is gone."""
         timeless = without_seconds(why)
-        if timeless not in self._said and len(self._said) < _MOST_SAID:
+        if timeless not in self._said and len(self._said) < _MOST_LOGGED:
             self._said.add(timeless)
             logs.event(_log, logging.WARNING, "mavros_trouble", why=why)
 
 
-_MOST_SAID = 100
+_MOST_LOGGED = 100
 _UNHEARD = "MAVROS hears no autopilot: is its fcu_url right, and its target system (tgt_system) that of the autopilot?"

@@ -508,7 +508,7 @@ class RosbridgeLink:
 
     def _say(self, event: str, why: str) -> None:
         """Logs something once."""
-        if why not in self._said and len(self._said) < _MOST_SAID:
+        if why not in self._said and len(self._said) < _MOST_LOGGED:
             self._said.add(why)
             logs.event(_log, logging.WARNING, event, url=str(self.url), why=why)
 
@@ -519,4 +519,4 @@ def _refused(service: str, text: str) -> Future[Message]:
     return answer
 
 
-_MOST_SAID = 1000
+_MOST_LOGGED = 1000

@@ -13,7 +13,7 @@ import msgspec
 Message = Mapping[str, Any]
 """A ROS message, or the arguments or values of a service, by the names of their fields."""
 
-_LARGEST_FRAGMENTED = 16_000_000
+_LARGEST_FRAGMENTED_BYTES = 16_000_000
 _MOST_FRAGMENTED = 16
 
 _encode = msgspec.json.Encoder().encode
@@ -106,7 +106,7 @@ class Fragments:
             raise OperationError("a fragment without its number or data")
         parts = self._parts.setdefault(ident, {})
         parts[index] = part
-        if sum(map(len, parts.values())) > _LARGEST_FRAGMENTED or len(self._parts) > _MOST_FRAGMENTED:
+        if sum(map(len, parts.values())) > _LARGEST_FRAGMENTED_BYTES or len(self._parts) > _MOST_FRAGMENTED:
             self._parts.clear()
             raise OperationError("too many fragments")
         if len(parts) < int(total):

@@ -11,7 +11,7 @@ from ual_daemon.flight.policy.geofence import GeofencePolicy
 from ual_daemon.frames.fence import Exit
 from ual_daemon.tracker.references import measured_motion
 
-_AT_ONCE = 40
+_POINTS_AT_ONCE = 40
 """Points that are checked at each update, the next ones first: 2 ms at most. They are farther ahead than any stop
 takes.
 """
@@ -48,7 +48,7 @@ class RemainingRoute:
         if not self._fence.is_inside(self._last):  # whether it comes in, only all of it shows
             self.is_over = True
             return self._fence.exit([self._last, *self._points])
-        part = [self._last, *islice(self._points, _AT_ONCE)]
-        self.is_over = len(part) <= _AT_ONCE
+        part = [self._last, *islice(self._points, _POINTS_AT_ONCE)]
+        self.is_over = len(part) <= _POINTS_AT_ONCE
         self._last = part[-1]
         return self._fence.exit(part)

@@ -40,7 +40,7 @@ _MODE_NEWS_S = 1.5
 """Seconds for which the mode may be missing from a UAV that has left the ground on our command. PX4 tells it twice a
 second.
 """
-_TOLERANCE = 0.05
+_TOLERANCE_RATIO = 0.05
 _LEAST_TOLERANCE_M = 0.1
 _HIGHEST_SHARE, _HIGHEST_MARGIN_M = 1.2, 1.0
 """A climb is stopped above this many times the height asked for, plus the margin. An autopilot that climbs by itself
@@ -93,7 +93,7 @@ class TakeOffManoeuvre(Manoeuvre):
         self._ground_z = motion.position.z
         self._ground = Hold(motion.position, motion.yaw_rad)
         self._top = Hold(motion.position + Vector3(0.0, 0.0, height_m), motion.yaw_rad)
-        self._tolerance_m = max(_LEAST_TOLERANCE_M, _TOLERANCE * height_m)
+        self._tolerance_m = max(_LEAST_TOLERANCE_M, _TOLERANCE_RATIO * height_m)
         self._highest_m = _HIGHEST_SHARE * height_m + _HIGHEST_MARGIN_M
         self._climb: TrajectoryReference | None = None
         self._stuck = _STUCK if has_safety_pilot else _STUCK_WITHOUT_PILOT

@@ -24,7 +24,7 @@ from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.trajectory.envelope import RAMP_S
 from ual_daemon.validation import MAX_SPEED_M_S
 
-_ROUNDING = 1e-12
+_ROUNDING_RATIO = 1e-12
 _RESTS_COUNT = 3
 """Setpoints that are judged by the rules without the shortcut, where there is no room: most near an edge are."""
 _SAME_M2 = 0.1**2
@@ -130,7 +130,7 @@ class Clearance:
         return _Clearance(
             info,
             world,
-            (limits.horizontal_speed_m_s * (1.0 - _ROUNDING)) ** 2,
+            (limits.horizontal_speed_m_s * (1.0 - _ROUNDING_RATIO)) ** 2,
             limits.climb_speed_m_s,
             limits.descent_speed_m_s,
             min(limits.yaw_rate_rad_s, MAX_TURN_RAD_S),

@@ -62,7 +62,7 @@ m.
 _ASTRAY_SHARE_S = 0.5
 """Seconds by which a fast reference may be farther ahead."""
 _ASTRAY_S = 0.5
-_MOVES_M_S, _TOWARDS = 0.5, 0.5
+_MOVES_M_S, _TOWARDS_SHARE = 0.5, 0.5
 """One that stands, or comes back, lags: that is for its task to judge (no way)."""
 _LOOK_S, _LOOK_AT_REST_S = 0.2, 0.5
 """Between two comparisons of the place, of a UAV that moves, and of one that does not."""
@@ -495,7 +495,7 @@ class Following:
         assert snapshot.motion.velocity is not None
         back, velocity = asked.position - snapshot.motion.pose.value.position, snapshot.motion.velocity.value.linear
         off_m, speed_m_s = back.norm(), velocity.norm()
-        is_away = speed_m_s > _MOVES_M_S and velocity.dot(back) < _TOWARDS * speed_m_s * off_m
+        is_away = speed_m_s > _MOVES_M_S and velocity.dot(back) < _TOWARDS_SHARE * speed_m_s * off_m
         is_named = bool(snapshot.control.other_sender)
         free_m = (NAMED_M if is_named else ASTRAY_M) + _ASTRAY_SHARE_S * asked.velocity.norm()
         if isinstance(reference, Hold):  # it may be far: how near it has come counts

@@ -35,7 +35,7 @@ _MAX_POINTS = 200
 """... and most points of a long bend. (Of a straight part, only the ends are checked.) (Of a straight part, only the
 ends are checked.)
 """
-_SPEED_MARGIN = 2.0
+_SPEED_MARGIN_FACTOR = 2.0
 """A trajectory is assumed to be nowhere faster than this many times the limits and the speed of its start."""
 _GENTLE_M_S = 0.2
 """A velocity that sinks more slowly may lead as near to the ground as a goal. One that climbs more slowly may lead as
@@ -606,7 +606,7 @@ def _outline(
     """
     vertical_m_s = max(limits.climb_speed_m_s, limits.descent_speed_m_s)
     fastest_m_s = max(math.hypot(limits.horizontal_speed_m_s, vertical_m_s), trajectory.at(from_s).velocity.norm())
-    fastest_m_s *= _SPEED_MARGIN
+    fastest_m_s *= _SPEED_MARGIN_FACTOR
     yield start
     for begin_s, end_s in trajectory.bends_s():
         if end_s < from_s:

@@ -23,7 +23,7 @@ moved.
 ANNOUNCED_S = 3.0
 _NOISE_FACTOR = 4.0
 """Factor of its usual steps by which a noisy estimate must jump."""
-_SMOOTHING = 0.05
+_SMOOTHING_SHARE = 0.05
 _LONGEST_S = 2.0
 """After a longer gap between two positions nothing can be said."""
 _ACCELERATION_M_S2 = 4.0
@@ -162,7 +162,7 @@ class JumpDetector:
         )
         if size_m > ANNOUNCED_JUMP_M and size_m > self._free_m(new):
             return False
-        self._usual_m += (size_m - self._usual_m) * _SMOOTHING
+        self._usual_m += (size_m - self._usual_m) * _SMOOTHING_SHARE
         return True
 
 

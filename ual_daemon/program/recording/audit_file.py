@@ -26,9 +26,9 @@ from ual_daemon import logs
 _log = logging.getLogger(__name__)
 
 _MODE = 0o600
-_LONGEST_LINE = 8 << 20
+_LONGEST_ENTRY_BYTES = 8 << 20
 """Bytes from its end in which the last whole line of a file is searched."""
-_LONGEST_ADDED = 4 << 20
+_LONGEST_ADDED_BYTES = 4 << 20
 _LEAST_SPACE_BYTES = 64 << 10
 """Free bytes that a disk needs to take further lines."""
 _OUTLINE = frozenset({"event", "time", "ns", "id", "identity", "caller", "agent", "method"})
@@ -154,9 +154,9 @@ class AuditFile(AuditOutput):
     @override
     def add(self, entry: dict[str, Any]) -> None:
         text, head = audit.encoded_entry(entry, self._head)
-        if len(text) > _LONGEST_ADDED:
+        if len(text) > _LONGEST_ADDED_BYTES:
             outline = {name: value for name, value in entry.items() if name in _OUTLINE}
-            entry = {**outline, audit.UNTOLD: f"{len(text)} bytes, and a line has at most {_LONGEST_ADDED}"}
+            entry = {**outline, audit.UNTOLD: f"{len(text)} bytes, and a line has at most {_LONGEST_ADDED_BYTES}"}
             text, head = audit.encoded_entry(entry, self._head)
         self._head = head
         self._unwritten += text + b"\n"
@@ -255,7 +255,7 @@ def _open(path: Path) -> _OpenedFile:
 def _head(file: int, path: Path) -> tuple[str, bytes | None]:
     """Returns the hash of the last whole line, and what an incomplete line after it has."""
     size = os.fstat(file).st_size
-    data = os.pread(file, _LONGEST_LINE, max(0, size - _LONGEST_LINE))
+    data = os.pread(file, _LONGEST_ENTRY_BYTES, max(0, size - _LONGEST_ENTRY_BYTES))
     lines = data.split(b"\n")
     torn = lines.pop() or None
     for text in reversed(lines):

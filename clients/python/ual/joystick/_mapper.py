@@ -8,9 +8,9 @@ from ual.joystick._errors import JoystickError
 from ual.joystick._mapping import Mapping
 from ual.joystick._state import Axis, Button, RawState
 
-_MOVED = 0.6
+_MOVED_DEFLECTION = 0.6
 """An axis counts as moved from this far from its rest on: sticks that are pushed aside move the other axis, too."""
-_AT_REST = 0.25
+_REST_DEFLECTION = 0.25
 """A worn stick or one of a remote control's may rest this far from the middle."""
 _HAT_DIRECTIONS = {(0, 1): 1, (1, 0): 2, (0, -1): 4, (-1, 0): 8}
 
@@ -116,7 +116,7 @@ class Mapper:
 
     def _is_at_rest(self, state: RawState) -> bool:
         return not (any(state.buttons) or any(map(any, state.hats))) and all(
-            abs(value - rest) < _AT_REST for value, rest in zip(state.axes, self._rest.axes, strict=True)
+            abs(value - rest) < _REST_DEFLECTION for value, rest in zip(state.axes, self._rest.axes, strict=True)
         )
 
     def _compare_with_rest(self, state: RawState) -> None:
@@ -149,7 +149,9 @@ class Mapper:
     def _moved_axes(self, target: Axis | Button, seen: _MovedControls) -> list[str]:
         ways = {number: value - self._rest.axes[number] for number, value in seen.extremes.items()}
         is_stick = isinstance(target, Axis) and not target.is_trigger
-        return [self._axis(number, way, is_stick=is_stick) for number, way in ways.items() if abs(way) > _MOVED]
+        return [
+            self._axis(number, way, is_stick=is_stick) for number, way in ways.items() if abs(way) > _MOVED_DEFLECTION
+        ]
 
     def _axis(self, number: int, way: float, *, is_stick: bool) -> str:
         """Returns the binding of an axis that was moved to one side: of all of it, or of its half on that side."""
@@ -180,7 +182,7 @@ def _require_rest(rest: RawState) -> None:
     if any(rest.buttons) or any(map(any, rest.hats)):
         raise JoystickError("a button is held: let go of all")
     for number, value in enumerate(rest.axes):
-        if min(abs(value - each) for each in (-1.0, 0.0, 1.0)) >= _AT_REST:
+        if min(abs(value - each) for each in (-1.0, 0.0, 1.0)) >= _REST_DEFLECTION:
             raise JoystickError(
                 f"axis {number} rests at {value:.2f}, neither in its middle nor at an end: let go of all"
             )

@@ -20,7 +20,7 @@ _LEVELS = (
     (logging.INFO, Log.INFO),
     (logging.NOTSET, Log.DEBUG),
 )
-LONGEST_LINE = 4000
+LONGEST_MESSAGE_CHARACTERS = 4000
 """In characters. Callers give names and values: they must not fill the recording."""
 
 
@@ -35,7 +35,7 @@ class RecordingHandler(logging.Handler):
 
     @override
     def emit(self, record: logging.LogRecord) -> None:
-        line = self._text(record)[:LONGEST_LINE]
+        line = self._text(record)[:LONGEST_MESSAGE_CHARACTERS]
         self._recorder.put(self._write, self._recorder.clock.now_ns(), (record, line), len(line))
 
     def _write(self, output: Output, entry: Entry) -> None:

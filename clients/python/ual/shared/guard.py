@@ -18,7 +18,7 @@ T = TypeVar("T")
 _log = logging.getLogger(__name__)
 
 _MOST_LOGGED = 10
-_LONGEST_CAUSE = 200
+_LONGEST_CAUSE_CHARACTERS = 200
 """In characters: the cause may quote what a caller has sent."""
 
 
@@ -67,7 +67,7 @@ ended_threads: Final = _process.ended_threads
 def cause(error: BaseException) -> str:
     """Returns an exception as one short text."""
     text = f"{type(error).__name__}: {error}".rstrip(": ")
-    return text if len(text) <= _LONGEST_CAUSE else f"{text[:_LONGEST_CAUSE]}..."
+    return text if len(text) <= _LONGEST_CAUSE_CHARACTERS else f"{text[:_LONGEST_CAUSE_CHARACTERS]}..."
 
 
 class WorkGuard:

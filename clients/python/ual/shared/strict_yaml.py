@@ -15,7 +15,7 @@ from typing_extensions import override
 from ual.shared.text import sure_encoding
 
 _MOST_NODES = 100_000
-_DEEPEST = 50
+_MOST_LEVELS = 50
 
 
 class YamlError(Exception):
@@ -117,7 +117,7 @@ def _check(node: yaml.Node, numbers: Iterator[int], path: str = "", above: tuple
         return
     if node in above:
         raise YamlError(f"{path}: the value contains itself", _row_number(node))
-    if len(above) >= _DEEPEST:
+    if len(above) >= _MOST_LEVELS:
         raise YamlError("values are nested too deeply", _row_number(node))
     for key, inner in _within(node, path):
         _check(inner, numbers, key, (*above, node))

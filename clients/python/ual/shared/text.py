@@ -18,7 +18,7 @@ _MARKS = (
 """The longer marks first: that of UTF-32 begins with that of UTF-16."""
 _DECLARED = re.compile(rb"""<\?xml[^>]{0,100}encoding=["']([A-Za-z0-9._-]{1,40})["']""")
 _ONE_BYTE = re.compile(r"(iso-?8859|windows-?125|cp125|latin|koi8)[-_]?[0-9a-z]{0,4}", re.IGNORECASE)
-_LONGEST_TEXT = 500
+_LONGEST_TEXT_CHARACTERS = 500
 """Of a text that another program says."""
 _NO_TEXT = "is not a text file"
 _NOT_IN_TEXT = re.compile(r"[\x00-\x08\x0b\x0e-\x19\x1b-\x1f]")
@@ -57,9 +57,9 @@ def decoded(data: bytes) -> str:
 
 def printable(text: str) -> str:
     """Returns a text without what would act on a terminal, cut to a length that fits a table."""
-    if len(text) <= _LONGEST_TEXT and text.isprintable():
+    if len(text) <= _LONGEST_TEXT_CHARACTERS and text.isprintable():
         return text
-    return "".join(each if each.isprintable() else "?" for each in text[:_LONGEST_TEXT])
+    return "".join(each if each.isprintable() else "?" for each in text[:_LONGEST_TEXT_CHARACTERS])
 
 
 def sure_encoding(data: bytes) -> str:

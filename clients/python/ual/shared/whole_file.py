@@ -18,7 +18,7 @@ OWN = 0o600
 """Permissions of a file that only its owner may read."""
 READABLE = 0o644
 _UMASKED = 0o666
-_LONGEST_NAME = 60
+_LONGEST_NAME_CHARACTERS = 60
 """In characters: with its ending, the name beside the file must not be longer than a file system takes."""
 _NO_LINKS = (errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK)
 """Errors of file systems without hard links (FAT)."""
@@ -115,7 +115,7 @@ def _replace(path: Path, data: bytes, mode: int | None, *, is_durable: bool) -> 
 
 def _temporary_path(path: Path, ending: str = ".tmp") -> Path:
     """Returns a name that cannot be guessed: other users may write in this directory, too."""
-    return path.with_name(f".{path.name[:_LONGEST_NAME]}.{os.urandom(8).hex()}{ending}")
+    return path.with_name(f".{path.name[:_LONGEST_NAME_CHARACTERS]}.{os.urandom(8).hex()}{ending}")
 
 
 @contextmanager

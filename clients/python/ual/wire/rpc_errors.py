@@ -38,7 +38,7 @@ from ual.errors import (
 
 DETAILS_KEY = "grpc-status-details-bin"
 
-_LONGEST_TEXT = 1500
+_LONGEST_TEXT_BYTES = 1500
 """In bytes. All trailing metadata of a call must fit into 8 KiB, and it contains each message twice."""
 
 _NOT_CONNECTED = (
@@ -199,6 +199,6 @@ def error_info(trailing: Iterable[tuple[str, str | bytes]]) -> ErrorInfo | None:
 
 def _clip(text: str) -> str:
     encoded = text.encode(errors="replace")
-    if len(encoded) <= _LONGEST_TEXT:
+    if len(encoded) <= _LONGEST_TEXT_BYTES:
         return text
-    return encoded[: _LONGEST_TEXT - 3].decode(errors="ignore") + "..."
+    return encoded[: _LONGEST_TEXT_BYTES - 3].decode(errors="ignore") + "..."

@@ -14,8 +14,8 @@ from ual_tools.launch.log_file import LogFile
 from ual_tools.launch.ready import LogWatch
 from ual_tools.launch.team import Program
 
-_CHUNK = 1 << 16
-_LONGEST_LINE = 8192
+_CHUNK_BYTES = 1 << 16
+_LONGEST_ROW_BYTES = 8192
 _REST_S = 1.0
 """Seconds for which the last lines of a program that has ended are awaited."""
 
@@ -104,10 +104,10 @@ class TeamProcess:
             transport, _ = await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), stream)
             rest = b""
             try:
-                while chunk := await reader.read(_CHUNK):
+                while chunk := await reader.read(_CHUNK_BYTES):
                     *lines, rest = (rest + chunk).split(b"\n")
-                    while len(rest) > _LONGEST_LINE:
-                        lines, rest = [*lines, rest[:_LONGEST_LINE]], rest[_LONGEST_LINE:]
+                    while len(rest) > _LONGEST_ROW_BYTES:
+                        lines, rest = [*lines, rest[:_LONGEST_ROW_BYTES]], rest[_LONGEST_ROW_BYTES:]
                     for line in lines:
                         self._write_output(line, file)
                 if rest:

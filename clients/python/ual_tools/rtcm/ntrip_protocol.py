@@ -17,8 +17,8 @@ from ual_tools.rtcm.source import CONNECT_S, WAIT_S, SourceError
 
 OK, FORBIDDEN, MISSING = 200, frozenset({401, 403}), 404
 _READ_BYTES = 4096
-_LONGEST_HEAD = 16_384
-_LONGEST_TABLE = 4 << 20
+_LONGEST_HEAD_BYTES = 16_384
+_LONGEST_TABLE_BYTES = 4 << 20
 _ANSWER_S = 10.0
 _LINE = b"\r\n"
 _FIXED, _SATELLITES = 1, 12
@@ -86,7 +86,7 @@ class NtripConnection:
         """Reads the beginning of the answer, in however many pieces it comes; None where the caster says nothing."""
         end_s = time.monotonic() + _ANSWER_S
         while (found := _head(self._waiting)) is None:
-            if len(self._waiting) > _LONGEST_HEAD:
+            if len(self._waiting) > _LONGEST_HEAD_BYTES:
                 raise SourceError("its answer is none of NTRIP")
             if time.monotonic() > end_s:
                 raise SourceError(f"it did not answer within {_ANSWER_S:g} s")
@@ -119,7 +119,7 @@ class NtripConnection:
             table += data
             if b"ENDSOURCETABLE" in table:
                 break
-            if time.monotonic() > end_s or len(table) > _LONGEST_TABLE:
+            if time.monotonic() > end_s or len(table) > _LONGEST_TABLE_BYTES:
                 raise SourceError(f"its table of mount points did not end within {_ANSWER_S:g} s")
         lines = table.decode(errors="replace").splitlines()
         return [[printable(each) for each in line.split(";")[1:]] for line in lines if line.startswith("STR;")]
@@ -251,7 +251,7 @@ class _Chunks:
         """Reads how long the next piece is. Returns False while that has not come."""
         line, separator, rest = self._waiting.partition(_LINE)
         if not separator:
-            if len(self._waiting) > _LONGEST_HEAD:
+            if len(self._waiting) > _LONGEST_HEAD_BYTES:
                 raise SourceError("its answer is none of NTRIP: a piece without a length")
             return False
         try:

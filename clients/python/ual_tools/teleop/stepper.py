@@ -7,10 +7,10 @@ from dataclasses import astuple
 
 from ual_tools.teleop.sticks import CENTRED, Sticks
 
-BEGIN = 0.5
+BEGIN_DEFLECTION = 0.5
 """The deflection that makes a step."""
-END = 0.25
-"""Below this the axis is released. Lower than `BEGIN`, so that a trembling hand makes one step."""
+END_DEFLECTION = 0.25
+"""Below this the axis is released. Lower than `BEGIN_DEFLECTION`, so that a trembling hand makes one step."""
 REPEAT_S = 0.5
 """A deflection that is held makes another step each time this passes."""
 
@@ -30,7 +30,7 @@ class Stepper:
 
     def _step(self, axis: int, value: float, now_s: float) -> float:
         held, due_s = self._held[axis]
-        if abs(value) < (END if held * value > 0.0 else BEGIN):
+        if abs(value) < (END_DEFLECTION if held * value > 0.0 else BEGIN_DEFLECTION):
             self._held[axis] = (0.0, -math.inf)
             return 0.0
         sign = math.copysign(1.0, value)

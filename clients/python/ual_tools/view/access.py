@@ -14,7 +14,7 @@ from ual.errors import InvalidArgumentError
 from ual.shared.text import decoded
 from ual_tools.view.guard import Guard, is_loopback
 
-_SHORTEST_TOKEN = 20
+_SHORTEST_TOKEN_CHARACTERS = 20
 _TOKEN_BYTES = 32
 
 
@@ -69,8 +69,8 @@ def _read_token(file: Path) -> str:
         token = decoded(file.read_bytes()).strip()
     except (OSError, ValueError) as error:
         raise _refused(f"--token-file {file}: {error}", "token") from None
-    if len(token) < _SHORTEST_TOKEN or not (token.isascii() and token.isalnum()):
-        raise _refused(f"--token-file {file}: letters and digits, at least {_SHORTEST_TOKEN}", "token")
+    if len(token) < _SHORTEST_TOKEN_CHARACTERS or not (token.isascii() and token.isalnum()):
+        raise _refused(f"--token-file {file}: letters and digits, at least {_SHORTEST_TOKEN_CHARACTERS}", "token")
     return token
 
 

@@ -14,7 +14,7 @@ from ual_tools.view.scene import GROUND_LABELS, xyz
 from ual_tools.view.shown import Shown
 
 _NEAR_M = 1e-3
-_LONGEST = 48
+_LONGEST_CHARACTERS = 48
 _MOST = 60
 """A page with more UAVs names the ones with trouble and those that are chosen first."""
 
@@ -75,6 +75,6 @@ def camera_of(client: viser.ClientHandle) -> PageCamera | None:
 def _wanted(uav: Shown, top_m: float) -> Wanted:
     assert uav.body is not None
     text = uav.ns if uav.how.level is Urgency.FINE else f"{uav.ns}: {uav.how.text}"
-    text = text if len(text) <= _LONGEST else f"{text[: _LONGEST - 1]}…"
+    text = text if len(text) <= _LONGEST_CHARACTERS else f"{text[: _LONGEST_CHARACTERS - 1]}…"
     above = uav.body.position + Vector3(0.0, 0.0, top_m)
     return Wanted(uav.ns, text, above, is_urgent=uav.how.level is not Urgency.FINE)

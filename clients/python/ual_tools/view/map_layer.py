@@ -24,7 +24,7 @@ from ual_tools.watch_board import Board, WatchedUav
 
 _LOOK_S = 1.0
 _RETRY_S = 30.0
-_AROUND = 2
+_TILES_AROUND = 2
 """Tiles to each side of the one in which the UAVs are."""
 _MOST_TILES = 100
 _BELOW_M = -0.05
@@ -83,7 +83,7 @@ class MapLayer:
         if isinstance(self._source, MapPicture):
             self._draw(self._source, self._origin)
             return
-        wanted = tiles_around(self._origin.position_at(middle), self._source.zoom, _AROUND)
+        wanted = tiles_around(self._origin.position_at(middle), self._source.zoom, _TILES_AROUND)
         for tile in wanted:
             self._draw(tile, self._origin)
         self._tidy(wanted)

@@ -16,7 +16,7 @@ from ual.shared.numbers import parse_number
 from ual_tools.view.earth import EarthPosition, Tile
 
 ZOOM, MOST_ZOOM = 17, 22
-_LARGEST = 8 << 20
+_LARGEST_TILE_BYTES = 8 << 20
 _TIMEOUT_S = 10.0
 _PARTS = ("{z}", "{x}", "{y}")
 _SCHEMES = ("http", "https", "file")
@@ -49,9 +49,9 @@ class Tiles:
             return Path(where.removeprefix("file://")).read_bytes()
         request = urllib.request.Request(where, headers={"User-Agent": "ual view"})  # noqa: S310 (http or https)
         with urllib.request.urlopen(request, timeout=_TIMEOUT_S) as answer:  # noqa: S310 (the same)
-            data: bytes = answer.read(_LARGEST + 1)
-        if len(data) > _LARGEST:
-            raise OSError(f"larger than {_LARGEST} bytes")
+            data: bytes = answer.read(_LARGEST_TILE_BYTES + 1)
+        if len(data) > _LARGEST_TILE_BYTES:
+            raise OSError(f"larger than {_LARGEST_TILE_BYTES} bytes")
         return data
 
 

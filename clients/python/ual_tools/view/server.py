@@ -29,7 +29,7 @@ from ual_tools.view.guard import HEADERS, Guard
 from ual_tools.view.listener import PageSocket
 from ual_tools.view.shell import with_shell
 
-_LARGEST_MESSAGE = 1 << 20
+_LARGEST_MESSAGE_BYTES = 1 << 20
 """Of a browser. viser would take 50 MiB, for pictures that we do not ask for."""
 _HANDSHAKE_S = 10.0
 """Of TLS; as long as `websockets` waits for a request. asyncio would wait for a minute."""
@@ -113,7 +113,7 @@ def _guarded(access: PageAccess, title: str, sockets: _Sockets) -> Iterator[None
     real = websockets_server.serve
 
     def serve(handler: Any, _host: str, _port: int, *, process_request: _Answer, **options: Any) -> Any:  # noqa: ANN401 (websockets' own)
-        options |= {"ssl": access.tls, "max_size": _LARGEST_MESSAGE, "sock": sockets.listener, "logger": _log}
+        options |= {"ssl": access.tls, "max_size": _LARGEST_MESSAGE_BYTES, "sock": sockets.listener, "logger": _log}
         if access.tls is not None:
             options["ssl_handshake_timeout"] = _HANDSHAKE_S
         made = real(handler, process_request=_checked(access.guard, process_request, title), **options)

@@ -8,7 +8,7 @@ from ual.geometry import Transform
 from ual.types import Frame
 
 _ROOT = "map"
-_DEEPEST = 64
+_MOST_LEVELS = 64
 
 
 def in_map(frames: Iterable[Frame]) -> dict[str, Transform]:
@@ -20,7 +20,7 @@ def in_map(frames: Iterable[Frame]) -> dict[str, Transform]:
 
 def _chain(frame_id: str, known: Mapping[str, Frame]) -> Transform | None:
     total = Transform()
-    for _ in range(_DEEPEST):
+    for _ in range(_MOST_LEVELS):
         if frame_id == _ROOT:
             return total
         frame = known.get(frame_id)

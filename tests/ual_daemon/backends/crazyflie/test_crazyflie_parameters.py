@@ -26,7 +26,12 @@ from ual.types import State
 from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.crazyflie.packets import PARAMETER, READ_CHANNEL, WRITE_CHANNEL, CrtpPacket
-from ual_daemon.backends.crazyflie.parameter_exchanges import AT_ONCE, LIMIT_S, MOST_WAITING, ParameterExchanges
+from ual_daemon.backends.crazyflie.parameter_exchanges import (
+    LIMIT_S,
+    MOST_WAITING,
+    REQUESTS_AT_ONCE,
+    ParameterExchanges,
+)
 from ual_daemon.backends.crazyflie.requests import CrtpRequests
 from ual_daemon.backends.crazyflie.toc import Variable
 
@@ -122,9 +127,9 @@ def error_of(future: Future[Any]) -> UalError:
 def test_a_list_leaves_room_for_commands_and_asks_again_for_what_is_lost() -> None:
     bench, future = Bench(), Future[list[Parameter]]()
     bench.exchanges.read_all(future)
-    assert bench.tick() == [(READ_CHANNEL, number) for number in range(AT_ONCE)]
+    assert bench.tick() == [(READ_CHANNEL, number) for number in range(REQUESTS_AT_ONCE)]
     bench.answer(READ_CHANNEL, 2, 2.5)
-    assert bench.tick() == [(READ_CHANNEL, AT_ONCE)]
+    assert bench.tick() == [(READ_CHANNEL, REQUESTS_AT_ONCE)]
     assert set(bench.tick(0.15)) == {(READ_CHANNEL, number) for number in (0, 1, 3, 4)}
     for number in range(10):
         bench.answer(READ_CHANNEL, number, number + 0.5)

@@ -216,7 +216,7 @@ def test_zoom_sees_less_and_larger() -> None:
     near = found.image(None).result(LIMIT_S).intrinsics
     assert wide is not None
     assert near is not None
-    assert near.focal_length_x_px == pytest.approx(camera.LARGEST_ZOOM * wide.focal_length_x_px)
+    assert near.focal_length_x_px == pytest.approx(camera.LARGEST_ZOOM_FACTOR * wide.focal_length_x_px)
 
 
 def test_it_takes_a_thousand_pictures_by_distance_each_where_it_should_be() -> None:

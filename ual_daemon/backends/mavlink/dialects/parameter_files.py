@@ -20,7 +20,7 @@ MOST_BYTES = 16_000_000
 MEMORY_BYTES = 100_000_000
 """Most memory of unpacking in bytes: xz -9, by which PX4 packs, takes 66 MB."""
 MOST_PARAMETERS = 10_000
-LONGEST_TEXT = 500
+LONGEST_TEXT_CHARACTERS = 500
 _PARAMETERS_KIND = 1
 _MAGIC = 0x671B
 _HEADER = struct.Struct("<HHH")
@@ -163,4 +163,4 @@ def _number(value: object) -> float | None:
 
 
 def _text(value: object) -> str:
-    return " ".join(value.split())[:LONGEST_TEXT] if isinstance(value, str) else ""
+    return " ".join(value.split())[:LONGEST_TEXT_CHARACTERS] if isinstance(value, str) else ""

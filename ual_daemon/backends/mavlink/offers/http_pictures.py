@@ -23,7 +23,7 @@ TIMEOUT_S = 15.0
 """Seconds that a picture may take in all, since it was ordered: no caller waits longer (`ORDER_S`). ..."""
 SILENCE_S = 5.0
 """... and seconds for which its server may be silent."""
-_CHUNK = 1 << 16
+_CHUNK_BYTES = 1 << 16
 _PNG, _JPEG = b"\x89PNG\r\n\x1a\n", b"\xff\xd8"
 _MOST_MARKERS = 1000
 """Most markers that are examined: 64 MiB of them would keep Python's lock for seconds, while something flies."""
@@ -190,7 +190,7 @@ class _Exchange:
         if not 200 <= response.status < 300:
             raise UalError(f"{self._url}: the camera's server answered {response.status} {response.reason}")
         data = bytearray()
-        while chunk := response.read(_CHUNK):
+        while chunk := response.read(_CHUNK_BYTES):
             data += chunk
             if len(data) > MOST_BYTES:
                 raise UalError(f"the picture has more than {MOST_BYTES >> 20} MiB")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Callable
 
-from ual_daemon.backends.firmwares.triggered_photos import LARGEST_GAP
+from ual_daemon.backends.firmwares.triggered_photos import LARGEST_GAP_PHOTOS
 
 RETRY_S = 1.0
 TRIES_COUNT = 5
@@ -49,7 +49,7 @@ class ReportedPhotos:
 
     def on_count(self, count: int, now_s: float) -> None:
         """Takes how many pictures the camera says that it has taken."""
-        if self._next is not None and self._next < count <= self._next + LARGEST_GAP:
+        if self._next is not None and self._next < count <= self._next + LARGEST_GAP_PHOTOS:
             self._miss(range(self._next, count), now_s)
             self._next = count
 
@@ -74,7 +74,7 @@ class ReportedPhotos:
 
     def _expect(self, index: int, now_s: float) -> None:
         if self._next is None or index >= self._next:
-            if self._next is not None and index <= self._next + LARGEST_GAP:
+            if self._next is not None and index <= self._next + LARGEST_GAP_PHOTOS:
                 self._miss(range(self._next, index), now_s)
             self._next = index + 1
 

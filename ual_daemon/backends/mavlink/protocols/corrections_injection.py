@@ -24,9 +24,9 @@ from ual_daemon.backends.offers.corrections import Injected, WaitingCorrections
 PIECE_BYTES = 180
 MOST_PIECES = 4
 LONGEST_BYTES = MOST_PIECES * PIECE_BYTES
-AT_ONCE = 2
+MESSAGES_AT_ONCE = 2
 PACE_S = 0.02
-"""Seconds between `AT_ONCE` pieces that leave together and the next ones: 18 kB/s. PX4 keeps 8 pieces for its
+"""Seconds between `MESSAGES_AT_ONCE` pieces that leave together and the next ones: 18 kB/s. PX4 keeps 8 pieces for its
 receiver's driver, which looks each 50 ms.
 """
 ASK_S = 10.0
@@ -128,7 +128,7 @@ class CorrectionsInjection(Protocol):
         return True
 
     def _send(self, now_s: float) -> None:
-        for _ in range(AT_ONCE):
+        for _ in range(MESSAGES_AT_ONCE):
             if not (self._pieces or self._next_message()) or not self._has_room():
                 return
             if not self._transmit(_packed(*self._pieces[-1])):

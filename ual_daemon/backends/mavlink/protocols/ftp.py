@@ -46,7 +46,7 @@ REOPENED_COUNT = 3
 """Times that a file may be closed by the autopilot while it is read."""
 MOST_ENTRIES = 20_000
 MOST_WAITING = 100
-CHUNK = 32_768
+CHUNK_BYTES = 32_768
 """Bytes of a file that are read in one step where all of it is wanted."""
 _SESSION = 191
 """The session that is asked for. ArduPilot takes the client's, so that another program's is another one."""
@@ -298,10 +298,10 @@ class Ftp(Protocol):
         parts: list[bytes] = []
         offset = 0
         while offset <= most:
-            part = yield from self.read(path, offset, CHUNK)
+            part = yield from self.read(path, offset, CHUNK_BYTES)
             parts.append(part)
             offset += len(part)
-            if len(part) < CHUNK:
+            if len(part) < CHUNK_BYTES:
                 yield from self.closed()
                 return b"".join(parts)
         raise ResourceExhaustedError(f"{path} has over {most} bytes", {"limit": str(most)})

@@ -28,7 +28,7 @@ TRIES_COUNT = 10
 """... and most attempts."""
 GIVE_UP_S = 15.0
 """Seconds without a new block after which the reading of a file ends."""
-WINDOW = 4
+WINDOW_BLOCKS = 4
 """Blocks that are requested at once. ArduPilot queues 5 requests, and drops the others."""
 GENTLE_BYTES_S = 96_000.0
 """Most bytes a second that are requested while armed, and no more than half of what the link carries."""
@@ -304,11 +304,11 @@ class FtpReading(FtpStep[bytes]):
         elif self._group_s is not None and self._asked:
             self._request(link, [each for each in missing if each in self._asked], now_s)
         elif self._group_s is not None:
-            pause_s = max(now_s - self._group_s, WINDOW * BLOCK / GENTLE_BYTES_S - (now_s - self._group_s))
+            pause_s = max(now_s - self._group_s, WINDOW_BLOCKS * BLOCK / GENTLE_BYTES_S - (now_s - self._group_s))
             self._group_s, self._next_s = None, now_s + pause_s
 
     def _request(self, link: FtpLink, missing: list[int], now_s: float) -> None:
-        for offset in missing[:WINDOW]:
+        for offset in missing[:WINDOW_BLOCKS]:
             sequence, asked_s = self._asked.get(offset, (-1, -math.inf))
             if now_s - asked_s < RETRY_S:
                 continue

@@ -36,7 +36,7 @@ before.
 LIST_RETRY_S = 2.0
 QUIET_S = 1.0
 """Seconds without a new value of the list after which missing ones are requested one by one, ..."""
-WINDOW = 10
+WINDOW_REQUESTS = 10
 """... and most requests at a time. ArduPilot queues 20 requests, and drops the others."""
 GIVE_UP_S = 10.0
 """Seconds without a new value after which the list ends without the missing ones."""
@@ -294,7 +294,7 @@ class Listing(ParameterExchange[list[Parameter]]):
     def _request_missing(self, now_s: float) -> None:
         missing = [index for index in range(self._count or 0) if index not in self._found]
         due = [index for index in missing if now_s - self._asked_s.get(index, -RETRY_S) >= RETRY_S]
-        room = WINDOW - (len(missing) - len(due))
+        room = WINDOW_REQUESTS - (len(missing) - len(due))
         for index in due[: max(0, room)]:
             self._asked_s[index] = now_s
             self._requests.read_index(index)

@@ -37,7 +37,7 @@ from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.offers.parameters import Refusal
 
-LONGEST_NAME = 16
+LONGEST_NAME_CHARACTERS = 16
 MOST_WAITING = 100
 """Exchanges that may wait for their turn."""
 
@@ -147,8 +147,8 @@ class ParameterTransfers(Protocol):
         requests = self._usable(future)
         if requests is None:
             return
-        if len(name) > LONGEST_NAME or not name.isascii():
-            text = f"name: {name!r:.80} is none that MAVLink has: they have up to {LONGEST_NAME} letters"
+        if len(name) > LONGEST_NAME_CHARACTERS or not name.isascii():
+            text = f"name: {name!r:.80} is none that MAVLink has: they have up to {LONGEST_NAME_CHARACTERS} letters"
             futures.fail(future, InvalidArgumentError(text, {"field": "name"}))
             return
         if len(self._waiting) >= MOST_WAITING:

@@ -13,7 +13,7 @@ REQUEST_S = 2.0
 MOST_REQUESTS = 5
 """Most requests for the names, at this interval: an older autopilot has none."""
 MOST_NAMES = 64
-LONGEST_NAME = 35
+LONGEST_NAME_CHARACTERS = 35
 """As AVAILABLE_MODES has it."""
 
 
@@ -70,4 +70,4 @@ class ModeNames:
 
 
 def _printable(name: str) -> str:
-    return "".join(each for each in name if each.isprintable())[:LONGEST_NAME].strip()
+    return "".join(each for each in name if each.isprintable())[:LONGEST_NAME_CHARACTERS].strip()

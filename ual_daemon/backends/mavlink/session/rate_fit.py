@@ -12,7 +12,7 @@ HIGH_LOSS, LEFT_LOSS = 0.3, 0.1
 """Share of lost messages from which less is requested, and the share that counts once that has helped."""
 LASTS_S = 10.0
 """Seconds over which the loss is measured: a change shows after this time, and a loss must have lasted for it."""
-HELPS, HELPS_LOSS = 1.25, 0.67
+HELPS_FACTOR, HELPS_LOSS = 1.25, 0.67
 """A try has helped if the part that arrives has grown by this factor at least, or the part that is lost has fallen by
 the second one. Where messages are lost at random, both vary by a few percent."""
 RETRY_S = 60.0
@@ -79,7 +79,7 @@ class RateFit:
         if now_s - begun_s <= LASTS_S + 1.0:
             return
         self._try = None
-        if 1.0 - self.loss < HELPS * (1.0 - loss) and self.loss > HELPS_LOSS * loss:
+        if 1.0 - self.loss < HELPS_FACTOR * (1.0 - loss) and self.loss > HELPS_LOSS * loss:
             self.level = level
             self._retry_s = now_s + self._pause_s
             self._pause_s *= 2.0

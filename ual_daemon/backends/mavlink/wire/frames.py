@@ -43,7 +43,7 @@ _BEGINNING = _beginning()
 
 CREDIT_PER_BYTE = 4
 """Each byte that is passed over or read pays for this much work on beginnings that turn out to be false."""
-LARGEST_CREDIT = 4096
+LARGEST_CREDIT_BYTES = 4096
 """Most saved-up work: for 14 false beginnings of the largest frame in a row."""
 WORK_PER_S = 400_000
 """Most work per second: a line of 921,600 baud that carries damaged frames only pays this. A byte that is searched
@@ -55,7 +55,7 @@ MOST_SOURCES = 8
 """Most sources of which the beginnings of frames are kept; a new one replaces the source that was heard least
 lately.
 """
-_LOOK = 48
+_BEGINNING_COST_BYTES = 48
 """The work of looking at a beginning, in the same unit: bytes that a checksum covers."""
 
 
@@ -109,7 +109,7 @@ class FrameReader:
         self.corrupt_count = 0
         self._rest = b""
         self._is_in_garbage = False
-        self._credit = float(LARGEST_CREDIT)
+        self._credit = float(LARGEST_CREDIT_BYTES)
         self._budget = math.inf
         self._refilled_s: float | None = None
         self._sources: dict[Address | None, _FrameSource] = {}
@@ -202,7 +202,7 @@ class FrameReader:
             frames, begun = self._give_up(source), b""
         # Its own credit: what another datagram contained, perhaps a stranger's, hides nothing in this one.
         saved = source.credit if source is not None and begun else 0.0
-        self._credit = min(saved + CREDIT_PER_BYTE * len(datagram), LARGEST_CREDIT)
+        self._credit = min(saved + CREDIT_PER_BYTE * len(datagram), LARGEST_CREDIT_BYTES)
         frames += self._scan(begun + datagram, goes_on=True)
         if not self._rest:
             self._is_in_garbage = False
@@ -237,8 +237,8 @@ class FrameReader:
                 size = 0
             frame = _frame(data[found : found + size]) if size else None
             if frame is None:
-                self._earn(found + 1 - at - (_LOOK + size) / CREDIT_PER_BYTE)
-                self._budget -= _LOOK + size
+                self._earn(found + 1 - at - (_BEGINNING_COST_BYTES + size) / CREDIT_PER_BYTE)
+                self._budget -= _BEGINNING_COST_BYTES + size
                 at = found + 1 if self._credit >= 0.0 <= self._budget else self._blind_until(data, found + 1)
             else:
                 self._skip(found - begin)
@@ -269,7 +269,7 @@ class FrameReader:
             self._is_in_garbage = True
 
     def _earn(self, bytes_count: float) -> None:
-        self._credit = min(self._credit + CREDIT_PER_BYTE * bytes_count, LARGEST_CREDIT)
+        self._credit = min(self._credit + CREDIT_PER_BYTE * bytes_count, LARGEST_CREDIT_BYTES)
 
     def _blind_until(self, data: bytes, at: int) -> int:
         """Returns where to look for the next beginning: further on while credit or budget are used up."""

@@ -28,7 +28,7 @@ OLDEST_S = 60.0
 """A new sender's clock may be at most this much behind ours."""
 MOST_SENDERS = 64
 """Most senders (a component of a system, on one of its links) that are remembered. A vehicle has a few."""
-_LARGEST_FILE = 4096
+_LARGEST_FILE_BYTES = 4096
 _FORMS = (b"hex", b"raw")
 
 
@@ -46,7 +46,7 @@ def read_key(path: str) -> bytes:
             mode = stat.S_IMODE(os.fstat(file.fileno()).st_mode)
             if mode & 0o077:
                 raise ConfigError(f"others can read or change {path} (mode {mode:o}); run: chmod 600 {path}", KEY)
-            content = file.read(_LARGEST_FILE + 1)
+            content = file.read(_LARGEST_FILE_BYTES + 1)
     except OSError as error:
         raise ConfigError(f"cannot read {path}: {error.strerror}", KEY) from None
     except RuntimeError:
@@ -86,7 +86,7 @@ def _passphrase(content: bytes, path: str) -> bytes:
         text = passphrase.decode()
     except UnicodeDecodeError:
         text = ""
-    if not text or not text.isprintable() or len(content) > _LARGEST_FILE:
+    if not text or not text.isprintable() or len(content) > _LARGEST_FILE_BYTES:
         raise ConfigError(
             f"{path} holds no line of text as passphrase; write raw: before the {KEY_SIZE} bytes of a key, or hex: "
             "before its hexadecimal digits",

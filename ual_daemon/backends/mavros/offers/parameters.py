@@ -34,9 +34,9 @@ FETCH_S = 9.0
 PULL_S = 60.0
 """MAVROS waits for the list for 30 s. With ROS 1 it then gives each value to the master before it answers."""
 PULLS_COUNT = 10
-CHUNK = 200
+CHUNK_PARAMETERS = 200
 """Most values of one request."""
-AT_ONCE = 20
+CALLS_AT_ONCE = 20
 """Most calls under way where ROS 1 is asked for each value."""
 _READ, _WRITE = "read its parameters", "write a parameter"
 _TYPES = {BOOL: ParameterType.UINT8, INTEGER: ParameterType.INT32, DOUBLE: ParameterType.REAL32}
@@ -162,7 +162,9 @@ class MavrosParameters(AutopilotParameters):
         def get(names: Sequence[str], found: list[Parameter]) -> Future[list[Parameter]]:
             if not names:
                 return done(found)
-            return then_wait(self._get_ros2(names[:CHUNK]), lambda some: get(names[CHUNK:], found + some))
+            return then_wait(
+                self._get_ros2(names[:CHUNK_PARAMETERS]), lambda some: get(names[CHUNK_PARAMETERS:], found + some)
+            )
 
         def listed(answer: Message) -> Future[list[Parameter]]:
             return get(sorted(set(answer["result"]["names"]) - {self._checksum}), [])
@@ -197,9 +199,9 @@ class MavrosParameters(AutopilotParameters):
         def get(left: Sequence[str], found: list[Parameter]) -> Future[list[Parameter]]:
             if not left:
                 return done(_all_of(found, count))
-            some = together([self._get(name) for name in left[:AT_ONCE]])
+            some = together([self._get(name) for name in left[:CALLS_AT_ONCE]])
             return then_wait(
-                some, lambda read: get(left[AT_ONCE:], found + [each for each in read if each is not None])
+                some, lambda read: get(left[CALLS_AT_ONCE:], found + [each for each in read if each is not None])
             )
 
         return get(names, [])

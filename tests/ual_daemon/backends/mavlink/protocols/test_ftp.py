@@ -21,7 +21,13 @@ from ual.errors import (
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.protocols.ftp import IDLE_S, MOST_WAITING, DirectoryEntry, Steps
 from ual_daemon.backends.mavlink.protocols.ftp_packet import BLOCK, FtpNakError, FtpPacket, Nak, Opcode, decode
-from ual_daemon.backends.mavlink.protocols.ftp_steps import GENTLE_BYTES_S, GIVE_UP_S, MOST_BLOCKS, TRIES_COUNT, WINDOW
+from ual_daemon.backends.mavlink.protocols.ftp_steps import (
+    GENTLE_BYTES_S,
+    GIVE_UP_S,
+    MOST_BLOCKS,
+    TRIES_COUNT,
+    WINDOW_BLOCKS,
+)
 from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 
@@ -133,7 +139,7 @@ def test_no_more_blocks_are_requested_at_once_than_an_autopilot_queues() -> None
     while not future.done():
         before = len(served.store.requests)
         served.step()
-        assert len(served.store.requests) - before <= WINDOW
+        assert len(served.store.requests) - before <= WINDOW_BLOCKS
 
 
 def test_the_file_stays_open_for_the_next_part_and_is_closed_after_that(served: Served) -> None:

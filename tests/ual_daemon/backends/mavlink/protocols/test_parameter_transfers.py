@@ -33,7 +33,7 @@ from ual_daemon.backends.mavlink.protocols.parameter_exchanges import (
     QUIET_S,
     RETRY_S,
     TRIES_COUNT,
-    WINDOW,
+    WINDOW_REQUESTS,
 )
 from ual_daemon.backends.mavlink.protocols.parameter_transfers import MOST_WAITING, ParameterTransfers
 from ual_daemon.backends.mavlink.wire.frames import MessageSource
@@ -322,7 +322,7 @@ def test_missing_ones_are_requested_a_few_at_a_time(bench: Bench) -> None:
     bench.tick(1, QUIET_S - 0.1)
     assert bench.requests() == []
     bench.tick(1, 0.2)
-    assert bench.requests() == list(range(1, 1 + WINDOW))
+    assert bench.requests() == list(range(1, 1 + WINDOW_REQUESTS))
     bench.tick(1, 0.1)
     assert bench.requests() == []
     for place in (1, 2):

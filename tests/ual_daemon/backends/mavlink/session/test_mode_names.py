@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
-from ual_daemon.backends.mavlink.session.mode_names import LONGEST_NAME, MOST_REQUESTS, REQUEST_S, ModeNames
+from ual_daemon.backends.mavlink.session.mode_names import LONGEST_NAME_CHARACTERS, MOST_REQUESTS, REQUEST_S, ModeNames
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import Control, Mode
 
@@ -54,8 +54,8 @@ def test_names_that_have_changed_are_requested_anew() -> None:
     names.on_monitor(mavlink.MAVLink_available_modes_monitor_message(2), 0.0, 0.0)
     assert names.mode(EXTERNAL_1).text == "AUTO.EXTERNAL1"
     assert names.take_request(0.0)
-    names.on_available(available(EXTERNAL_1, "x" * LONGEST_NAME), 0.0, 0.0)
-    assert names.mode(EXTERNAL_1).text == f"AUTO.EXTERNAL1 ({'x' * LONGEST_NAME})"
+    names.on_available(available(EXTERNAL_1, "x" * LONGEST_NAME_CHARACTERS), 0.0, 0.0)
+    assert names.mode(EXTERNAL_1).text == f"AUTO.EXTERNAL1 ({'x' * LONGEST_NAME_CHARACTERS})"
 
 
 def test_an_autopilot_without_names_is_not_requested_ever() -> None:

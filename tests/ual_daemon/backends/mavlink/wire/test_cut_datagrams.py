@@ -156,7 +156,7 @@ def test_the_work_on_pieces_is_paid_by_their_bytes(monkeypatch: pytest.MonkeyPat
     for count in range(20_000):
         reader.refill(0.0)
         reader.read(b"\xfd\xff\x00"[count % 3 :][:1], ADDRESS)
-    assert covered_count <= 20_000 * frames.CREDIT_PER_BYTE + frames.LARGEST_CREDIT
+    assert covered_count <= 20_000 * frames.CREDIT_PER_BYTE + frames.LARGEST_CREDIT_BYTES
 
 
 def test_an_autopilot_behind_a_bridge_is_found_and_followed_to_a_new_port() -> None:

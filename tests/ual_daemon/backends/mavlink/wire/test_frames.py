@@ -8,7 +8,13 @@ from hypothesis import strategies as st
 from tests.ual_daemon.backends.mavlink import fakes
 from tests.ual_daemon.backends.mavlink.fakes import Harness, heartbeat, packer
 from ual_daemon.backends.mavlink.wire import checksum, frames
-from ual_daemon.backends.mavlink.wire.frames import CREDIT_PER_BYTE, LARGEST_CREDIT, FrameReader, MavlinkFrame, split
+from ual_daemon.backends.mavlink.wire.frames import (
+    CREDIT_PER_BYTE,
+    LARGEST_CREDIT_BYTES,
+    FrameReader,
+    MavlinkFrame,
+    split,
+)
 from ual_daemon.backends.mavlink.wire.messages import Codec, mavlink
 
 
@@ -256,10 +262,10 @@ def test_the_work_grows_with_the_bytes_whatever_they_are(
 
     looks, covered = work(20_000)
     assert looks <= 20_000 / 12 + 400
-    assert covered <= 20_000 * CREDIT_PER_BYTE + LARGEST_CREDIT + 280
+    assert covered <= 20_000 * CREDIT_PER_BYTE + LARGEST_CREDIT_BYTES + 280
     more_looks, more_covered = work(40_000)
     assert more_looks <= 2.1 * looks + 50
-    assert more_covered <= 2.1 * covered + 2 * LARGEST_CREDIT
+    assert more_covered <= 2.1 * covered + 2 * LARGEST_CREDIT_BYTES
 
 
 @given(st.lists(st.sampled_from([b"\xfd", b"\xfe", b"\x00", b"\x1c", b"\xff", FRAMES[0][:9]]), max_size=400))
