@@ -1,7 +1,7 @@
 """Flight of one UAV: one manoeuvre at a time, stepped at each update.
 
 Two kinds of threads meet here. The backend's update thread calls `step` at each new snapshot; any other thread begins
-manoeuvres. All of them change what is flown by one exchange; see `Flight._exchange`.
+manoeuvres. All of them change what is flown by one swap; see `Flight._swap`.
 """
 
 from __future__ import annotations
@@ -152,7 +152,7 @@ class Flight:
         self._watched = WatchedCommands()
         self._rules = ReferenceRules(backend, limits, geofence, self.authority, self.drift, self.is_in_control)
         self._stepper = FlightStepper(
-            backend, self._flown, self._exchange, self._rules, self.sender, self._stopping, self._watched
+            backend, self._flown, self._swap, self._rules, self.sender, self._stopping, self._watched
         )
         self._clearance = Clearance(backend, limits, geofence)
         self._shutdown: Shutdown | None = None
@@ -281,7 +281,7 @@ class Flight:
 
     # --- The exchange -------------------------------------------------------------------------------------------------
 
-    def _exchange(
+    def _swap(
         self,
         new: Manoeuvre | None,
         decide: Callable[[Manoeuvre | None], Ending | None],
@@ -366,7 +366,7 @@ class Flight:
         snapshot = judged or self._backend.snapshot()
         manoeuvre.begins_in(snapshot.control.settled_mode)
         try:
-            self._exchange(manoeuvre, partial(self._begins_over, manoeuvre, order, snapshot))
+            self._swap(manoeuvre, partial(self._begins_over, manoeuvre, order, snapshot))
         except UalError as error:
             manoeuvre.end(error)
             raise
@@ -380,7 +380,7 @@ class Flight:
             self.authority.begin()
             return SILENT
 
-        return self._exchange(manoeuvre, begins)
+        return self._swap(manoeuvre, begins)
 
     def begin_reference(
         self, reference: Reference, by: str, snapshot: Snapshot, order: CommandOrigin, *, only_task_id: str = ""
@@ -392,7 +392,7 @@ class Flight:
         first = reference.setpoint(snapshot)  # before the update thread has the reference and steps it
         new = FlyReference(by, reference, self._rules)
         new.is_timed = reference.is_timed
-        self._exchange(new, partial(self._begins, new, order, only_task_id), first, snapshot)
+        self._swap(new, partial(self._begins, new, order, only_task_id), first, snapshot)
 
     def renew_velocity(self, twist: Twist, lease_id: str) -> bool:
         """Flies on with another velocity of a stream, along the axes of ``<ns>/odom``, without judging all anew.
@@ -418,7 +418,7 @@ class Flight:
         velocity = Vector3(v.x + more.x, v.y + more.y, v.z + more.z)
         setpoint = VelocitySetpoint(velocity, twist.angular.z + drift.yaw_rate_rad_s)  # as `Velocity.setpoint`
         given = new, setpoint
-        with flown.lock:  # as `_exchange`, and `_begins` with the answers of a stream that goes on
+        with flown.lock:  # as `_swap`, and `_begins` with the answers of a stream that goes on
             old, last = flown.manoeuvre, self._last_command
             goes_on = old.__class__ is FlyReference and old is not None and old.is_timed and self.authority.is_ours
             if not goes_on or self.is_closing or lease_id != self.lease.id:
@@ -490,19 +490,19 @@ class Flight:
         elif self.is_following(snapshot):
             stop = self.brake(snapshot)
             new = FlyReference(LEASE, stop, self._rules)
-            self._exchange(new, partial(self._ends_with_lease, why, new), stop.setpoint(snapshot), snapshot)
+            self._swap(new, partial(self._ends_with_lease, why, new), stop.setpoint(snapshot), snapshot)
         else:
-            self._exchange(None, partial(self._ends_with_lease, why, None))
+            self._swap(None, partial(self._ends_with_lease, why, None))
 
     def _stop_mission_for_lease(self, why: str, snapshot: Snapshot) -> None:
         stop = self.mission_stop(LEASE, snapshot)
         mission = self._flown.manoeuvre
         is_overtaken = mission is not None and mission.is_overtaken(snapshot)
         if stop is None or (is_overtaken and not stop.manoeuvre.overrules_nobody):
-            self._exchange(None, partial(self._ends_with_lease, why, None))
+            self._swap(None, partial(self._ends_with_lease, why, None))
             return
         stop.manoeuvre.begins_in(snapshot.control.settled_mode)
-        if self._exchange(stop.manoeuvre, partial(self._ends_with_lease, why, stop.manoeuvre)):
+        if self._swap(stop.manoeuvre, partial(self._ends_with_lease, why, stop.manoeuvre)):
             stop.begin()
 
     def mission_stop(self, by: str, snapshot: Snapshot) -> Handover | None:
@@ -532,7 +532,7 @@ class Flight:
             LeaseHeldError: Another program holds the lease.
 
         """
-        self._exchange(None, partial(self._drops, task_id, by, lease_id))
+        self._swap(None, partial(self._drops, task_id, by, lease_id))
 
     def _drops(self, task_id: str, by: str, lease_id: str, old: Manoeuvre | None) -> Ending | None:
         if old is None or not _is_task(old, task_id):
@@ -610,7 +610,7 @@ class Flight:
     def prepare_shutdown(self) -> Future[None]:
         """See `ual_daemon.vehicle.vehicle.Vehicle.prepare_shutdown`."""
         shutdown = Shutdown(self._backend, self.is_in_control)
-        self._exchange(None, partial(self._ends_with_shutdown, shutdown))
+        self._swap(None, partial(self._ends_with_shutdown, shutdown))
         begun = self._shutdown
         assert begun is not None
         if begun is shutdown:
@@ -637,14 +637,14 @@ class Flight:
         else:
             is_over = bool(manoeuvre.stops_mission) and shutdown.leaves(manoeuvre, snapshot)
         if is_over:
-            self._exchange(None, partial(_ends_with_handover, manoeuvre))
+            self._swap(None, partial(_ends_with_handover, manoeuvre))
             shutdown.finish()
 
     def close(self) -> None:
         """Ends what is left. To be called once no more updates come."""
         shutdown = Shutdown(self._backend, self.is_in_control)
         error = TaskAbortedError(f"{self._backend.options.ns} was closed", {"by": "close"})
-        self._exchange(None, partial(self._ends_with_close, shutdown, error))
+        self._swap(None, partial(self._ends_with_close, shutdown, error))
         self.sender.forget()
         self._watched.end_all(error)
         if self._shutdown is not None:
@@ -741,7 +741,7 @@ class Flight:
         if old is not None and old.is_awaited:
             self._withdrawn = (old, snapshot.time_s)
         to = None if new is None else new.manoeuvre
-        if self._exchange(to, lambda flown: Ending(error) if flown is old else None) and new is not None:
+        if self._swap(to, lambda flown: Ending(error) if flown is old else None) and new is not None:
             new.begin()
 
     def _begun_by_arming(self, raw: Estimate) -> bool:
@@ -771,7 +771,7 @@ class Flight:
         self.drift.forget()
         self.following.forget()
         stop = brake(snapshot, self.limits.get())
-        self._exchange(FlyReference("stop", stop, self._rules), partial(_ends_by_jump, jump, stop))
+        self._swap(FlyReference("stop", stop, self._rules), partial(_ends_by_jump, jump, stop))
 
 
 def _by_shutdown(old: Manoeuvre) -> Ending:

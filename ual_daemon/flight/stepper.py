@@ -26,7 +26,7 @@ from ual_daemon.tracker.references import Velocity, brake
 
 _log = logging.getLogger(__name__)
 
-Exchange: TypeAlias = Callable[[Manoeuvre | None, Callable[[Manoeuvre | None], Ending | None]], bool]
+Swap: TypeAlias = Callable[[Manoeuvre | None, Callable[[Manoeuvre | None], Ending | None]], bool]
 """See `ual_daemon.flight.flight.Flight`."""
 
 
@@ -37,7 +37,7 @@ class FlightStepper:
         self,
         backend: Backend,
         flown: CurrentManoeuvre,
-        exchange: Exchange,
+        swap: Swap,
         rules: ReferenceRules,
         sender: SetpointSender,
         stopping: Stopping,
@@ -45,7 +45,7 @@ class FlightStepper:
     ) -> None:
         self._backend = backend
         self._flown = flown
-        self._exchange = exchange
+        self._swap = swap
         self._rules = rules
         self._sender = sender
         self._stopping = stopping
@@ -85,7 +85,7 @@ class FlightStepper:
         if not self._rules.may_send(snapshot, raw, is_begun=False):
             return None
         stop = FlyReference("stop", brake(snapshot, self._rules.limits.get()), self._rules)
-        return stop if self._exchange(stop, lambda old: SILENT if old is None else None) else None
+        return stop if self._swap(stop, lambda old: SILENT if old is None else None) else None
 
     def _step_one(self, manoeuvre: Manoeuvre, snapshot: Snapshot, raw: Estimate) -> bool:
         """Steps a manoeuvre. Returns False if it has just ended."""
@@ -110,9 +110,7 @@ class FlightStepper:
             if step.setpoint is not None:
                 self._sender.send_if_due(manoeuvre, step.setpoint, snapshot)
             return True
-        if not self._exchange(
-            self._follower(manoeuvre, step, snapshot), partial(self._ends, manoeuvre, step, snapshot)
-        ):
+        if not self._swap(self._follower(manoeuvre, step, snapshot), partial(self._ends, manoeuvre, step, snapshot)):
             return True
         if step.is_autopilot_to_hold:
             self._hold_by_autopilot(snapshot, manoeuvre.name)
@@ -144,7 +142,7 @@ class FlightStepper:
         """Makes another manoeuvre go on with the task, unless another thread has replaced or paused it."""
         to.manoeuvre.begins_in(snapshot.control.settled_mode)
         goes_on = Ending(goes_on=True)
-        if self._exchange(to.manoeuvre, lambda old: goes_on if old is manoeuvre and not manoeuvre.is_paused else None):
+        if self._swap(to.manoeuvre, lambda old: goes_on if old is manoeuvre and not manoeuvre.is_paused else None):
             to.begin()
         else:  # what makes it hand over may have come while it was paused, and counts once it goes on
             manoeuvre.is_fitted = False

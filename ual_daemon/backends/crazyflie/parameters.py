@@ -29,18 +29,18 @@ class CrazyflieParameters(AutopilotParameters):
 
     @override
     def read(self, name: str) -> Future[Parameter]:
-        return self._give(lambda exchanges, future: exchanges.read(name, future))
+        return self._run_on_loop(lambda exchanges, future: exchanges.read(name, future))
 
     @override
     def read_all(self) -> Future[list[Parameter]]:
-        return self._give(ParameterExchanges.read_all)
+        return self._run_on_loop(ParameterExchanges.read_all)
 
     @override
     def write(self, parameter: Parameter, refusal: Refusal) -> Future[Parameter]:
-        return self._give(lambda exchanges, future: exchanges.write(parameter, refusal, future))
+        return self._run_on_loop(lambda exchanges, future: exchanges.write(parameter, refusal, future))
 
-    def _give(self, begin: Callable[[ParameterExchanges, Future[T]], None]) -> Future[T]:
+    def _run_on_loop(self, begin: Callable[[ParameterExchanges, Future[T]], None]) -> Future[T]:
         what, session = "exchange parameters", self._session()
         if session is None or not session.is_connected:
             return futures.failed(LinkLostError(f"cannot {what}: no Crazyflie is connected"))
-        return session.loop.give(what, lambda future, _: begin(session.parameters, future))
+        return session.loop.run_on_loop(what, lambda future, _: begin(session.parameters, future))

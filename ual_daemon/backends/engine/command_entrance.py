@@ -50,7 +50,7 @@ class CommandEntrance(Generic[R]):
         if isinstance(runner, UalError):
             return futures.failed(runner)
         asked = CommandContext.at(self._clock.now_s(), command_snapshot() or self._loop.newest)
-        return self._loop.give(what, partial(self._submit, what, make, asked))
+        return self._loop.run_on_loop(what, partial(self._submit, what, make, asked))
 
     def _submit(
         self, what: str, make: Callable[[], Command[R]], asked: CommandContext, result: Future[None], now_s: float

@@ -62,8 +62,8 @@ def _nothing() -> None:
 
 
 class Loop:
-    """Loop of one vehicle on a thread. Any thread may call `post`, `give`, `newest` and `looked_s`; all else belongs to
-    the loop's thread.
+    """Loop of one vehicle on a thread. Any thread may call `post`, `run_on_loop`, `newest` and `looked_s`; all else
+    belongs to the loop's thread.
 
     The thread waits for data by itself. In each round it calls `woke`, has the data taken, and calls `step`. A thread
     with many vehicles does so for each of them.
@@ -108,7 +108,7 @@ class Loop:
         self._posted.append(request)
         self._wake()
 
-    def give(self, what: str, begin: Callable[[Future[T], float], object]) -> Future[T]:
+    def run_on_loop(self, what: str, begin: Callable[[Future[T], float], object]) -> Future[T]:
         """Returns a future that `begin` has something end. It is posted; an error that it raises ends the future.
 
         Where the loop has ended, so has the future. `what` is human-readable: "take a photo".

@@ -21,7 +21,7 @@ DIGICAM_CONTROL, TRIGGER_DISTANCE = 203, 206
 Order = Callable[[str, int, tuple[float, ...]], Future[None]]
 """Passes a command to the autopilot: with a human-readable name, its id in MAV_CMD, and its parameters."""
 Give = Callable[[str, Callable[[Future[Any]], None]], Future[Any]]
-"""Returns a future that something ends on the thread that receives; see `Loop.give`."""
+"""Returns a future that something ends on the thread that receives; see `Loop.run_on_loop`."""
 
 
 class TriggerCamera(CameraDriver):

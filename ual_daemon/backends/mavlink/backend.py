@@ -90,7 +90,7 @@ class MavlinkBackend(EngineBackend[CommandLong]):
         self._discovery: Discovery | None = None
         self._receiving: ReceiveLoop | None = None
         self._pictures = HttpPictures(self._settings.picture_hosts)
-        reach = ProtocolAccess(self._last_session, self._require_session, self._post, self._give)
+        reach = ProtocolAccess(self._last_session, self._require_session, self._post, self._run_on_loop)
         parameters, lists = MavlinkParameters(reach), MavlinkLists(reach)
         self._offers = (
             parameters,
@@ -232,7 +232,7 @@ class MavlinkBackend(EngineBackend[CommandLong]):
             lambda: None if self._discovery is None else self._discovery.protocols.cameras.trigger,
             self._order_trigger,
             lambda act: self._post(lambda _: act()),
-            lambda what, begin: self._give(what, lambda _, future: begin(future)),
+            lambda what, begin: self._run_on_loop(what, lambda _, future: begin(future)),
             lambda: self._connected_session(self.clock.now_s()) is not None,
         )
 
@@ -264,12 +264,12 @@ class MavlinkBackend(EngineBackend[CommandLong]):
         if discovery is not None and loop is not None:
             loop.post(lambda _: request(discovery))
 
-    def _give(self, what: str, begin: Callable[[Discovery, Future[T]], object]) -> Future[T]:
+    def _run_on_loop(self, what: str, begin: Callable[[Discovery, Future[T]], object]) -> Future[T]:
         """Returns a future that is ended on the thread that receives."""
         discovery, loop = self._discovery, self._loop
         if discovery is None or loop is None:
             return futures.failed(self._unreached(what))
-        return loop.give(what, lambda future, _: begin(discovery, future))
+        return loop.run_on_loop(what, lambda future, _: begin(discovery, future))
 
     def _start(self, connection: LinkConnection, on_update: UpdateCallback) -> None:
         """Starts the thread that receives through a connection."""

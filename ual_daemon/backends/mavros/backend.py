@@ -310,7 +310,7 @@ class MavrosBackend(EngineBackend[MavrosCall]):
         """Returns a future that `begin` has something end on the link's thread."""
         if self._loop is None:
             return futures.failed(self._unreached(what))
-        return self._loop.give(what, lambda future, _: begin(future))
+        return self._loop.run_on_loop(what, lambda future, _: begin(future))
 
     def _call_slowly(self, service: str, arguments: Message, limit_s: float) -> Future[Message]:
         assert self._link is not None  # a session is in reach

@@ -269,10 +269,10 @@ def test_a_snapshot_that_cannot_be_made_does_not_end_the_thread(caplog: pytest.L
 
 def test_what_is_open_at_the_end_and_what_is_passed_after_it_ends_with_an_error(setup: Setup) -> None:
     begun: list[Future[int]] = []
-    waits: Future[int] = setup.loop.give("land", lambda future, _: begun.append(future))
-    ended: Future[int] = setup.loop.give("hold", lambda future, _: futures.finish(future, 7))
+    waits: Future[int] = setup.loop.run_on_loop("land", lambda future, _: begun.append(future))
+    ended: Future[int] = setup.loop.run_on_loop("hold", lambda future, _: futures.finish(future, 7))
     setup.round(0.05)
-    unbegun: Future[int] = setup.loop.give("arm", lambda future, _: begun.append(future))
+    unbegun: Future[int] = setup.loop.run_on_loop("arm", lambda future, _: begun.append(future))
     assert (begun, ended.result(0)) == ([waits], 7)
     setup.loop.end()
     setup.loop.end()
@@ -281,7 +281,7 @@ def test_what_is_open_at_the_end_and_what_is_passed_after_it_ends_with_an_error(
     with pytest.raises(LinkLostError, match=r"^cannot arm: this UAV was closed"):
         unbegun.result(0)
     with pytest.raises(LinkLostError, match=r"^cannot take a photo: this UAV is closed"):
-        setup.loop.give("take a photo", lambda future, _: begun.append(future)).result(0)
+        setup.loop.run_on_loop("take a photo", lambda future, _: begun.append(future)).result(0)
     setup.round(0.05)
     assert begun == [waits]
 
@@ -291,8 +291,8 @@ def test_what_is_withdrawn_does_not_begin_and_what_fails_ends(setup: Setup) -> N
         raise InvalidArgumentError("no such log")
 
     begun: list[Future[int]] = []
-    setup.loop.give("land", lambda future, _: begun.append(future)).cancel()
-    failed: Future[None] = setup.loop.give("read its logs", fail)
+    setup.loop.run_on_loop("land", lambda future, _: begun.append(future)).cancel()
+    failed: Future[None] = setup.loop.run_on_loop("read its logs", fail)
     setup.round(0.05)
     assert not begun
     with pytest.raises(InvalidArgumentError, match="no such log"):
@@ -305,7 +305,7 @@ def test_a_thread_that_ends_or_never_began_leaves_no_future_open(setup: Setup) -
         thread = LoopThread(loop, setup.clock, "test", lambda _: None, lambda _, __: None)
         if does_begin:
             thread.open()
-        open_one: Future[None] = loop.give("land", lambda _, __: None)
+        open_one: Future[None] = loop.run_on_loop("land", lambda _, __: None)
         thread.close()
         with pytest.raises(LinkLostError, match="this UAV was closed"):
             open_one.result(0)

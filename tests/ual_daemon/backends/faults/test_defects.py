@@ -81,11 +81,11 @@ def test_a_defect_of_what_is_begun_next_to_flying_ends_its_future_only() -> None
         raise ZeroDivisionError
 
     def give(what: str, begin: Callable[[Any, Future[Any]], object]) -> Future[Any]:
-        return setup.loop.give(what, lambda future, _: begin(Mock(), future))
+        return setup.loop.run_on_loop(what, lambda future, _: begin(Mock(), future))
 
     setup = Setup()
     mavlink = mavlink_reach.ProtocolAccess(lambda: None, lambda _: cast("Any", ()), Mock(), give)
-    failed: list[Future[None]] = [mavlink.give("read its logs", fail)]
+    failed: list[Future[None]] = [mavlink.run_on_loop("read its logs", fail)]
     mavros = Mock(
         session_in_reach=lambda _: None,
         give_it=lambda what, begin: give(what, lambda _, future: begin(future)),

@@ -60,7 +60,7 @@ class MavlinkCamera(CameraDriver):
 
     @override
     def status(self) -> Future[CameraStatus]:
-        return self._give("ask its camera", self._link.read_status)
+        return self._run_on_loop("ask its camera", self._link.read_status)
 
     @override
     def photos(self, first: int) -> Sequence[TakenPhoto]:
@@ -68,11 +68,11 @@ class MavlinkCamera(CameraDriver):
 
     @override
     def take_photo(self) -> Future[TakenPhoto]:
-        return self._give("take a photo", self._link.shoot)
+        return self._run_on_loop("take a photo", self._link.shoot)
 
     @override
     def start_interval(self, interval_s: float, count: int) -> Future[None]:
-        return self._give("take photos", lambda future: self._link.start_interval(interval_s, count, future))
+        return self._run_on_loop("take photos", lambda future: self._link.start_interval(interval_s, count, future))
 
     @override
     def start_distance(self, distance_m: float) -> Future[None]:
@@ -83,7 +83,7 @@ class MavlinkCamera(CameraDriver):
             self._link.start_distance(distance_m)
             futures.end(future)
 
-        return self._give("take photos", start)
+        return self._run_on_loop("take photos", start)
 
     @override
     def stop_photos(self) -> Future[None]:
@@ -93,7 +93,7 @@ class MavlinkCamera(CameraDriver):
             else:
                 self._link.order(mavlink.MAV_CMD_IMAGE_STOP_CAPTURE, (), future)
 
-        return self._give("stop taking photos", stop)
+        return self._run_on_loop("stop taking photos", stop)
 
     @override
     def start_video(self) -> Future[None]:
@@ -118,7 +118,7 @@ class MavlinkCamera(CameraDriver):
 
     @override
     def streams(self) -> Future[list[VideoStream]]:
-        return self._give("list its video streams", self._link.list_streams)
+        return self._run_on_loop("list its video streams", self._link.list_streams)
 
     @override
     def image(self, photo: int | None, kind: ImageKind = ImageKind.COLOUR) -> Future[EncodedImage]:
@@ -135,10 +135,10 @@ class MavlinkCamera(CameraDriver):
         return then(self._pictures.fetch(taken.file_url), lambda found: _encoded(found, taken, intrinsics))
 
     def _order(self, what: str, command_id: int, *params: float) -> Future[None]:
-        return self._give(what, lambda future: self._link.order(command_id, params, future))
+        return self._run_on_loop(what, lambda future: self._link.order(command_id, params, future))
 
-    def _give(self, what: str, begin: Callable[[Future[T]], None]) -> Future[T]:
-        return self._reach.give(what, lambda _, future: begin(future))
+    def _run_on_loop(self, what: str, begin: Callable[[Future[T]], None]) -> Future[T]:
+        return self._reach.run_on_loop(what, lambda _, future: begin(future))
 
 
 def _encoded(found: FetchedPicture, taken: TakenPhoto, intrinsics: CameraIntrinsics | None) -> EncodedImage:

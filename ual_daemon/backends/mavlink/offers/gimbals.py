@@ -54,11 +54,13 @@ class MavlinkGimbal(GimbalDriver):
 
     @override
     def set_angles(self, angles: GimbalAngles, reference: GimbalReference) -> Future[None]:
-        return self._give("turn its gimbal", lambda future: self._link.turn(angles, reference, future))
+        return self._run_on_loop("turn its gimbal", lambda future: self._link.turn(angles, reference, future))
 
     @override
     def set_rates(self, pitch_rad_s: float, yaw_rad_s: float) -> Future[None]:
-        return self._give("turn its gimbal", lambda future: self._link.turn_at_rates(pitch_rad_s, yaw_rad_s, future))
+        return self._run_on_loop(
+            "turn its gimbal", lambda future: self._link.turn_at_rates(pitch_rad_s, yaw_rad_s, future)
+        )
 
     @override
     def aim(self, angles: GimbalAngles, reference: GimbalReference) -> None:
@@ -67,22 +69,22 @@ class MavlinkGimbal(GimbalDriver):
 
     @override
     def move_to_neutral(self) -> Future[None]:
-        return self._give("turn its gimbal", lambda future: self._link.rest(future, is_retracted=False))
+        return self._run_on_loop("turn its gimbal", lambda future: self._link.rest(future, is_retracted=False))
 
     @override
     def retract(self) -> Future[None]:
-        return self._give("retract its gimbal", lambda future: self._link.rest(future, is_retracted=True))
+        return self._run_on_loop("retract its gimbal", lambda future: self._link.rest(future, is_retracted=True))
 
     @override
     def take_control(self) -> Future[None]:
-        return self._give("take its gimbal's control", self._link.take)
+        return self._run_on_loop("take its gimbal's control", self._link.take)
 
     @override
     def release_control(self) -> Future[None]:
-        return self._give("release its gimbal's control", self._link.release)
+        return self._run_on_loop("release its gimbal's control", self._link.release)
 
-    def _give(self, what: str, begin: Callable[[Future[None]], None]) -> Future[None]:
-        return self._reach.give(what, lambda _, future: begin(future))
+    def _run_on_loop(self, what: str, begin: Callable[[Future[None]], None]) -> Future[None]:
+        return self._reach.run_on_loop(what, lambda _, future: begin(future))
 
 
 class MavlinkGimbals(GimbalDrivers):

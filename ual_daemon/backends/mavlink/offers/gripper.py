@@ -45,7 +45,9 @@ class MavlinkGripper(OrderedGripper):
             else:
                 futures.finish(future, state)
 
-        return self._reach.give("ask for its gripper", lambda protocols, future: begin(protocols.gripper.state, future))
+        return self._reach.run_on_loop(
+            "ask for its gripper", lambda protocols, future: begin(protocols.gripper.state, future)
+        )
 
     @override
     def winch_status(self, instance: int) -> Future[WinchStatus]:
@@ -84,7 +86,7 @@ class MavlinkGripper(OrderedGripper):
 
     def _read(self, what: str, message_id: int, read: Callable[[PayloadMessage], T | None]) -> Future[T]:
         """Asks for a message, and returns what is read of it. One that is of something else (None) does not count."""
-        future: Future[T] = self._reach.give(
+        future: Future[T] = self._reach.run_on_loop(
             f"ask for {what}", lambda protocols, waiting: protocols.gripper.await_answer(waiting, what)
         )
 

@@ -32,7 +32,7 @@ class MavlinkLists(ItemLists):
         def begin(protocols: Protocols, future: Future[MissionList]) -> None:
             protocols.missions.download(kind, future)
 
-        return self._reach.give(f"read its {kind.text}", begin)
+        return self._reach.run_on_loop(f"read its {kind.text}", begin)
 
     @override
     def replace(
@@ -41,7 +41,7 @@ class MavlinkLists(ItemLists):
         def begin(protocols: Protocols, future: Future[MissionList]) -> None:
             protocols.missions.replace(kind, items, refusal, future, differs)
 
-        return self._reach.give(f"change its {kind.text}", begin)
+        return self._reach.run_on_loop(f"change its {kind.text}", begin)
 
 
 def fence_of(reach: ProtocolAccess, lists: ItemLists) -> ListedFence:
@@ -80,6 +80,6 @@ def missions_of(
         def begin(protocols: Protocols, future: Future[None]) -> None:
             protocols.progress.set_current(seq, shown_by, refusal, future)
 
-        return reach.give("choose an item of its mission", begin)
+        return reach.run_on_loop("choose an item of its mission", begin)
 
     return ListedMissions(MissionAccess(lists, dialect, received, choose, fly, parameters.read, here))

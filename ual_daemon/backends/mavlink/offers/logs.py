@@ -53,16 +53,16 @@ class MavlinkLogs(AutopilotLogs):
 
     @override
     def read_all(self) -> Future[list[Log]]:
-        return self._give(self._list_files, self._list_numbers)
+        return self._run_on_loop(self._list_files, self._list_numbers)
 
     @override
     def read(self, log_id: str, offset: int, size: int) -> Future[bytes]:
-        return self._give(
+        return self._run_on_loop(
             lambda files: files.read(self._path(log_id), offset, size),
             lambda protocols, future: protocols.logs.read(_number(log_id), offset, size, future),
         )
 
-    def _give(
+    def _run_on_loop(
         self, by_files: Callable[[Ftp], Steps[T]], by_numbers: Callable[[Protocols, Future[T]], None]
     ) -> Future[T]:
         what = "read its logs"
@@ -76,7 +76,7 @@ class MavlinkLogs(AutopilotLogs):
             else:
                 by_numbers(protocols, future)
 
-        return self._reach.give(what, begin)
+        return self._reach.run_on_loop(what, begin)
 
     def _path(self, log_id: str) -> str:
         if log_id not in self._paths:

@@ -45,18 +45,20 @@ class MavlinkParameters(AutopilotParameters):
 
     @override
     def read(self, name: str) -> Future[Parameter]:
-        return self._give("read its parameters", lambda transfers, future: transfers.read(name, future))
+        return self._run_on_loop("read its parameters", lambda transfers, future: transfers.read(name, future))
 
     @override
     def read_all(self) -> Future[list[Parameter]]:
         session = self._reach.session()
         if session is None or not session.dialect.packed_parameters or not has_files(session):
-            return self._give("read its parameters", ParameterTransfers.read_all)
+            return self._run_on_loop("read its parameters", ParameterTransfers.read_all)
         return self._read_packed(session.dialect.packed_parameters)
 
     @override
     def write(self, parameter: Parameter, refusal: Refusal) -> Future[Parameter]:
-        return self._give("write a parameter", lambda transfers, future: transfers.write(parameter, refusal, future))
+        return self._run_on_loop(
+            "write a parameter", lambda transfers, future: transfers.write(parameter, refusal, future)
+        )
 
     @override
     def descriptions(self) -> Future[Mapping[str, Description]]:
@@ -77,7 +79,7 @@ class MavlinkParameters(AutopilotParameters):
             data.add_done_callback(lambda ended: self._on_packed(protocols.parameters, ended, future))
             protocols.files.run(data, protocols.files.read_all(path, MOST_PACKED))
 
-        return self._reach.give("read its parameters", begin)
+        return self._reach.run_on_loop("read its parameters", begin)
 
     def _on_packed(self, transfers: ParameterTransfers, data: Future[bytes], future: Future[list[Parameter]]) -> None:
         """Takes the packed list, on the thread that receives."""
@@ -93,5 +95,5 @@ class MavlinkParameters(AutopilotParameters):
             if future.set_running_or_notify_cancel():
                 future.set_result(found)
 
-    def _give(self, what: str, begin: Callable[[ParameterTransfers, Future[T]], None]) -> Future[T]:
-        return self._reach.give(what, lambda protocols, future: begin(protocols.parameters, future))
+    def _run_on_loop(self, what: str, begin: Callable[[ParameterTransfers, Future[T]], None]) -> Future[T]:
+        return self._reach.run_on_loop(what, lambda protocols, future: begin(protocols.parameters, future))

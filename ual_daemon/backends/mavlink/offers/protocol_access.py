@@ -21,7 +21,7 @@ class Give(Protocol):
     """Returns a future that `begin` has something end, on the thread that receives."""
 
     def __call__(self, what: str, begin: Callable[[Discovery, Future[T]], object], /) -> Future[T]:
-        """See `Loop.give`."""
+        """See `Loop.run_on_loop`."""
         ...
 
 
@@ -56,7 +56,7 @@ class ProtocolAccess(NamedTuple):
     post: Callable[[Callable[[Discovery], None]], None]
     give_it: Give
 
-    def give(self, what: str, begin: Callable[[Protocols, Future[T]], None]) -> Future[T]:
+    def run_on_loop(self, what: str, begin: Callable[[Protocols, Future[T]], None]) -> Future[T]:
         """Returns a future that `begin` has something end, on the thread that receives. `what` is human-readable."""
         session = self.session_in_reach(what)
         if isinstance(session, UalError):
