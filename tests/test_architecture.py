@@ -35,9 +35,9 @@ def files_with(pattern: str) -> set[str]:
 
 def test_the_files_of_a_new_method_are_those_of_a_method_that_is_there() -> None:
     section = PAGE.partition("## The files of a new method")[2].partition("\n## ")[0]
-    assert "four files" in section
+    assert "three files" in section
     listed = re.findall(r"^\| `([^`]+)` \|", section, re.MULTILINE)
-    assert len(listed) == 4
+    assert len(listed) == 3
     of_a_question = {*listed, "ual_daemon/replay/vehicle.py"}  # a recording answers it, too
     assert files_with(r"\bGetGeofence(Request)?\b|\bdef geofence\(") == of_a_question
 

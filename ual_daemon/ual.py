@@ -36,13 +36,9 @@ from ual.shared.time_limit import time_limit
 from ual.shared.uncopied import Uncopied
 from ual.types import (
     ExternalPose,
-    Frame,
-    Geofence,
-    Info,
     LeaseInfo,
     MotionRequest,
     Plan,
-    Route,
     State,
     TaskInfo,
     TaskKind,
@@ -57,7 +53,7 @@ from ual_daemon.extensions.loaded import Extensions
 from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.frames.home_file import HomeFile
-from ual_daemon.services._derived import PartMembers, Parts
+from ual_daemon.services._derived import PartMembers, Parts, UavMembers
 from ual_daemon.settings import NAMESPACE_PATTERN, ConfigError, VehicleSettings
 from ual_daemon.vehicle.external_poses import CONTINUES_S
 
@@ -70,7 +66,7 @@ _CLOSE_PATIENCE_S = 60.0
 _THIS_PROCESS = "this process"
 
 
-class UAL(Uncopied, PartMembers):
+class UAL(Uncopied, PartMembers, UavMembers):
     """One UAV in this process, without a server and without delay. Its members are those of `ual.interface.Uav`.
 
     `close`, or the end of its ``with`` block, hands the UAV over to its autopilot. It belongs to this process: in a
@@ -180,6 +176,7 @@ class UAL(Uncopied, PartMembers):
         self._has_ended = True  # what ends it may read it until here
 
     @property
+    @override
     def _open(self) -> ServedVehicle:
         """The vehicle, unless this object is closed. Setpoints, of which each costs, are refused by the flight."""
         if self._has_ended:
@@ -216,16 +213,8 @@ class UAL(Uncopied, PartMembers):
         return self.vehicle.ns
 
     @override
-    def info(self) -> Info:
-        return self._open.info()
-
-    @override
     def state(self) -> State:
         return self._open.state()
-
-    @override
-    def telemetry(self) -> Telemetry:
-        return self._open.telemetry()
 
     @override
     def subscribe(self, callback: Callable[[Telemetry], None], rate_hz: float = 0.0) -> Subscription:
@@ -237,32 +226,12 @@ class UAL(Uncopied, PartMembers):
     # --- Frames -------------------------------------------------------------------------------------------------------
 
     @override
-    def transform(self, target_frame_id: str = "", source_frame_id: str = "") -> Transform:
-        return self._open.transform(target_frame_id, source_frame_id)
-
-    @override
-    def frames(self) -> list[Frame]:
-        return self._open.frames()
-
-    @override
-    def geofence(self) -> Geofence:
-        return self._open.geofence()
-
-    @override
-    def route(self) -> Route | None:
-        return self._open.route()
-
-    @override
     def add_frame(self, transform: Transform) -> None:
         self._open.frame_editor.add(checked_transform(transform))
 
     @override
     def remove_frame(self, frame_id: str) -> None:
         self._open.frame_editor.remove(frame_id)
-
-    @override
-    def set_home(self, set_z: bool = False) -> None:
-        self._open.commands.set_home(set_z, self._lease_id)
 
     # --- Commands -----------------------------------------------------------------------------------------------------
 
@@ -316,18 +285,6 @@ class UAL(Uncopied, PartMembers):
     def recover_from_manual(self, *, force: bool = False, timeout_s: float | None = None) -> None:
         prepared = self._open.commands.recover_from_manual(self._lease_id, force=force)
         _run(prepared.begin, timeout_s, "recover_from_manual")
-
-    @override
-    def abort(self, freeze: bool = False) -> None:
-        self._open.commands.abort(freeze, lease_id=self._lease_id)
-
-    @override
-    def pause(self) -> None:
-        self._pause()
-
-    @override
-    def resume(self) -> None:
-        self._resume()
 
     def _pause(self, task_id: str = "") -> None:
         self._open.commands.pause(task_id, self._lease_id)

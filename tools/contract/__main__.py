@@ -89,7 +89,7 @@ def _services(contract: FileDescriptorSet, values: Mapping[str, Values]) -> dict
     found[clients_source.SYNC] = clients_source.sync_source(derivable)
     found[clients_source.AIO] = clients_source.aio_source(derivable)
     found[servicers_source.ROOM / "table.py"] = servicers_source.table_source(derivable)
-    found[faces_source.PATH] = faces_source.source(derivable)
+    found[faces_source.PATH] = faces_source.source(derivable, uav(contract))
     return {path: formatted(source) for path, source in found.items()}
 
 

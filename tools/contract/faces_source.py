@@ -16,19 +16,24 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from typing_extensions import override
 
 from ual import interface
 '''
+_LATER = """
+if TYPE_CHECKING:
+    from ual_daemon.choice import ServedVehicle as CommandedUav
+"""
 
 
-def source(parts: Sequence[ContractPart]) -> str:
-    """Returns the module."""
+def source(parts: Sequence[ContractPart], uav: ContractPart | None = None) -> str:
+    """Returns the module. `uav` has the members of the UAV itself."""
     owners = {each.service: each for each in parts if not each.bound}
     done = {service: behaviour(owner) for service, owner in owners.items()}
     body = "".join(_face(each, done[each.service]) for each in parts) + _all(owners.values(), done)
+    body += "" if uav is None else _of_uav(uav)
     used = names_in(body)
     vehicles = "".join(imports(each.path, {each.vehicle}) for each in done.values())
     helpers = sorted({"answer", "answers"} & used)
@@ -38,6 +43,7 @@ def source(parts: Sequence[ContractPart]) -> str:
         + "".join(f"from {each.module} import {name}\n" for each in done.values() for name in each.named(used))
         + vehicles
         + f"from ual_daemon.services.answers import {', '.join(helpers)}\n"
+        + _LATER
         + body
     )
 
@@ -74,6 +80,33 @@ class PartMembers(interface.Uav):
     def _parts(self) -> Parts:
         """The services, unless this object is closed."""
 {members}'''
+
+
+def _of_uav(uav: ContractPart) -> str:
+    """Returns the members of a UAV that its vehicle has, and those that pass the lease to a command of it."""
+    by_hand = {getattr(each, "name", "") for each in classes(_CLASS)["UAL"].body}
+    members = "".join(_passed(each) for each in uav.members if each.name not in by_hand)
+    return f'''
+
+class UavMembers(interface.Uav):
+    """The members of `ual_daemon.UAL` that only pass on to its vehicle."""
+
+    _lease_id: str
+
+    @property
+    @abstractmethod
+    def _open(self) -> CommandedUav:
+        """The vehicle, unless this object is closed."""
+{members}'''
+
+
+def _passed(member: PartMember) -> str:
+    arguments = [f"{each.arg}={each.arg}" for each in member.arguments]
+    arguments += ["lease_id=self._lease_id"] * member.needs_lease
+    call = f"self._open{'.commands' * member.needs_lease}.{member.name}({', '.join(arguments)})"
+    returned = call if member.returned == "None" else f"return {call}"
+    head = f"def {member.name}({ast.unparse(member.signature)}) -> {member.returned}:"
+    return f"\n    @override\n    {head}\n        {returned}\n"
 
 
 def _face(part: ContractPart, does: Behaviour) -> str:
@@ -129,3 +162,4 @@ def _member(part: ContractPart, does: Behaviour, member: PartMember) -> str:
 
 
 PATH = ROOM / "_derived.py"
+_CLASS = ROOM.parent / "ual.py"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 from typing_extensions import override
 
@@ -12,14 +12,14 @@ from ual import interface
 from ual.cameras import CameraInfo, CameraMode, CameraStatus, Image, ImageKind, Photo, VideoStream
 from ual.corrections import CorrectionsStatus
 from ual.fences.values import FencePlan, KeptFence
-from ual.geometry import PointStamped, Vector3
+from ual.geometry import PointStamped, Transform, Vector3
 from ual.gimbals import GimbalInfo, GimbalReference, GimbalStatus
 from ual.gripper import Equipment, WinchAction
 from ual.logs.values import Log, LogChunk
 from ual.missions.items import Item
 from ual.missions.plan import LinkLossAction, MissionPlan, MissionProgress, StoredMission
 from ual.parameters.values import Parameter
-from ual.types import TaskInfo
+from ual.types import Frame, Geofence, Info, Route, TaskInfo, Telemetry
 from ual_daemon.services.answers import answer, answers
 from ual_daemon.services.cameras import VehicleCameras
 from ual_daemon.services.corrections import CorrectionsBase, VehicleCorrections
@@ -31,6 +31,9 @@ from ual_daemon.services.mission import VehicleMission
 from ual_daemon.services.parachute import VehicleParachute
 from ual_daemon.services.parameters import VehicleParameters
 from ual_daemon.services.vehicle import CommandedVehicle, GimbalVehicle, LocatedVehicle, ServedVehicle
+
+if TYPE_CHECKING:
+    from ual_daemon.choice import ServedVehicle as CommandedUav
 
 
 class Camera(interface.Camera):
@@ -466,3 +469,54 @@ class PartMembers(interface.Uav):
     @override
     def parameters(self) -> Parameters:
         return self._parts.parameters
+
+
+class UavMembers(interface.Uav):
+    """The members of `ual_daemon.UAL` that only pass on to its vehicle."""
+
+    _lease_id: str
+
+    @property
+    @abstractmethod
+    def _open(self) -> CommandedUav:
+        """The vehicle, unless this object is closed."""
+
+    @override
+    def info(self) -> Info:
+        return self._open.info()
+
+    @override
+    def telemetry(self) -> Telemetry:
+        return self._open.telemetry()
+
+    @override
+    def transform(self, target_frame_id: str = "", source_frame_id: str = "") -> Transform:
+        return self._open.transform(target_frame_id=target_frame_id, source_frame_id=source_frame_id)
+
+    @override
+    def frames(self) -> list[Frame]:
+        return self._open.frames()
+
+    @override
+    def geofence(self) -> Geofence:
+        return self._open.geofence()
+
+    @override
+    def route(self) -> Route | None:
+        return self._open.route()
+
+    @override
+    def set_home(self, set_z: bool = False) -> None:
+        self._open.commands.set_home(set_z=set_z, lease_id=self._lease_id)
+
+    @override
+    def abort(self, freeze: bool = False) -> None:
+        self._open.commands.abort(freeze=freeze, lease_id=self._lease_id)
+
+    @override
+    def pause(self) -> None:
+        self._open.commands.pause(lease_id=self._lease_id)
+
+    @override
+    def resume(self) -> None:
+        self._open.commands.resume(lease_id=self._lease_id)
