@@ -28,7 +28,7 @@ class MavlinkParachute(ParachuteDriver):
     @override
     def order(self, action: ParachuteAction) -> Future[None]:
         what = f"{action.name.lower()} its parachute"
-        give = self._orders.reach.give
+        give = self._orders.reach.run_on_loop
         is_there: Future[bool] = give(what, lambda protocols, future: protocols.components.ask(_COMPONENT, future))
 
         def begin(is_component: bool) -> Future[None]:
