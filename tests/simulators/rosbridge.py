@@ -244,8 +244,7 @@ class Session:
     def __init__(self, bridge: Bridge) -> None:
         self._bridge = bridge
         self._subscriptions: dict[str, _Subscription] = {}
-        self.advertised: dict[str, Message] = {}
-        """Operations that announced topics, by topic."""
+        self._advertised: set[str] = set()
         self._late: list[tuple[float, int, str, Message]] = []
         self._numbers = itertools.count()
         self._answers: list[tuple[float, int, str]] = []
@@ -312,13 +311,13 @@ class Session:
         known = self._bridge.topics().get(operation["topic"])
         if known is not None and known != operation["type"]:
             raise RefusedError(f"advertise: {operation['topic']} has the type {known}, not {operation['type']}")
-        self.advertised[operation["topic"]] = operation
+        self._advertised.add(operation["topic"])
 
     def _unadvertise(self, operation: Message) -> None:
-        self.advertised.pop(operation["topic"], None)
+        self._advertised.discard(operation["topic"])
 
     def _publish(self, operation: Message) -> None:
-        if operation["topic"] not in self.advertised:
+        if operation["topic"] not in self._advertised:
             raise RefusedError(f"publish: {operation['topic']} was not advertised")
         self._bridge.deliver(operation["topic"], operation["msg"])
 

@@ -117,8 +117,7 @@ class RosbridgeLink:
         self._dial = dialler
         self._subscriptions: dict[str, _TopicSubscription] = {}
         self._unsubscribed: list[str] = []
-        self._advertised: dict[str, tuple[str, int]] = {}
-        """Types and lengths of queues by topic."""
+        self._advertised: dict[str, str] = {}
         self._announced: set[str] = set()
         """Topics that were advertised on this connection."""
         self._calls = PendingCalls()
@@ -278,9 +277,9 @@ class RosbridgeLink:
             self._unsubscribed.append(subscription.topic)
             self._refreshed_s = -math.inf
 
-    def advertise(self, topic: str, kind: str, queue_length: int = 1) -> None:
-        """Announces a topic that is published to; needed before `publish`. By default only its newest message waits."""
-        self._advertised[self.url.resolve(topic)] = kind, queue_length
+    def advertise(self, topic: str, kind: str) -> None:
+        """Announces a topic that is published to; needed before `publish`."""
+        self._advertised[self.url.resolve(topic)] = kind
         self._refreshed_s = -math.inf
 
     def _run(self) -> None:
@@ -456,9 +455,9 @@ class RosbridgeLink:
                 self._say("topic_unusable", each.fault)
 
     def _announce(self, connections: Connections, graph: Graph) -> None:
-        for topic, (kind, queue_length) in self._advertised.items():
+        for topic, kind in self._advertised.items():
             if topic not in self._announced:
-                connections.publisher.send(operations.advertise(topic, graph.ros.spell(kind), queue_length))
+                connections.publisher.send(operations.advertise(topic, graph.ros.spell(kind)))
                 self._announced.add(topic)
 
     def _on_data(self, data: str | bytes) -> None:

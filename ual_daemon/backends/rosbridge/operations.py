@@ -54,9 +54,9 @@ def unsubscribe(topic: str) -> bytes:
     return _encode({"op": "unsubscribe", "id": topic, "topic": topic})
 
 
-def advertise(topic: str, kind: str, queue_length: int) -> bytes:
-    """Returns the operation that announces that we publish. With ROS 1 so many messages may wait in the bridge."""
-    return _encode({"op": "advertise", "id": topic, "topic": topic, "type": kind, "queue_size": queue_length})
+def advertise(topic: str, kind: str) -> bytes:
+    """Returns the operation that announces that we publish."""
+    return _encode({"op": "advertise", "id": topic, "topic": topic, "type": kind, "queue_size": 1})
 
 
 def publish(topic: str, message: Message) -> bytes:
