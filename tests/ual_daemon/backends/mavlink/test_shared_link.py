@@ -25,10 +25,9 @@ from ual_daemon.backends.mavlink import MavlinkBackend
 from ual_daemon.backends.mavlink.links import make_link
 from ual_daemon.backends.mavlink.links.base import BATCH_BYTES
 from ual_daemon.backends.mavlink.links.endpoints import parse_url
-from ual_daemon.backends.mavlink.links.inbox import QUEUE_BYTES
 from ual_daemon.backends.mavlink.wire import shared_link
 from ual_daemon.backends.mavlink.wire.messages import mavlink
-from ual_daemon.backends.mavlink.wire.shared_link import SharedLink, VehicleLink
+from ual_daemon.backends.mavlink.wire.shared_link import QUEUE_BYTES, SharedLink, VehicleLink
 from ual_daemon.backends.values import VelocitySetpoint
 from ual_daemon.settings import ConfigError
 

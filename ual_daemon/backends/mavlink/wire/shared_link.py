@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import logging
+import os
+import select
 import threading
+from collections import deque
 from collections.abc import Callable, Iterable, Mapping
+from typing import NamedTuple
 
 from typing_extensions import override
 
 from ual_daemon.backends.base import Clock
 from ual_daemon.backends.engine.limits import SILENT_S
 from ual_daemon.backends.engine.loop import OnceLog
-from ual_daemon.backends.mavlink.links.base import Address, Chunk, MavlinkLink
+from ual_daemon.backends.mavlink.links.base import BATCH_BYTES, Address, Chunk, MavlinkLink
 from ual_daemon.backends.mavlink.links.connection import LinkConnection
-from ual_daemon.backends.mavlink.links.inbox import Inbox
 from ual_daemon.backends.mavlink.links.udp import cannot_send
 from ual_daemon.backends.mavlink.wire.frames import FrameReader, Piece, piece_of, pieces
 from ual_daemon.backends.mavlink.wire.receiver import INCOMPLETE_FRAME_S
@@ -22,6 +25,10 @@ _log = logging.getLogger(__name__)
 
 WAIT_S = 0.05
 """The longest interval between two looks at the link."""
+QUEUE_BYTES = 1 << 18
+"""Bytes that may wait for the thread of one vehicle; more is dropped, as a system drops data that overflows a
+socket.
+"""
 
 
 class SharedLink:
@@ -149,6 +156,13 @@ class _LinkReading:
                     each.put((piece.data, address))
 
 
+class _Ends(NamedTuple):
+    """A pipe: it holds one byte while chunks wait."""
+
+    read: int
+    write: int
+
+
 class VehicleLink(MavlinkLink):
     """The part of a shared link that leads to one vehicle."""
 
@@ -162,28 +176,57 @@ class VehicleLink(MavlinkLink):
         self._shared = shared
         self._reading: _LinkReading | None = None
         self._peer: Address | None = None
-        self._inbox = Inbox()
-        self.put = self._inbox.put
-        """Takes what has come for this vehicle. By the thread that reads the link."""
+        self._lock = threading.Lock()
+        self._waiting: deque[Chunk] = deque()
+        self._waiting_bytes = 0
+        self._ends: _Ends | None = None
 
     @override
     def open(self) -> None:
-        self._inbox.open()
+        ends = os.pipe()
+        for each in ends:
+            os.set_blocking(each, False)
+        self._ends = _Ends(*ends)
         self._reading = self._shared.attach(self)
 
     @override
     def close(self) -> None:
         self._reading = None
         self._shared.detach(self)
-        self._inbox.close()
+        with self._lock:
+            ends, self._ends = self._ends, None
+            self._waiting.clear()
+            self._waiting_bytes = 0
+            for each in ends or ():
+                os.close(each)
 
     @override
     def descriptors(self) -> Mapping[int, int]:
-        return self._inbox.descriptors()
+        ends = self._ends
+        return {} if ends is None else {ends.read: select.POLLIN}
+
+    def put(self, chunk: Chunk) -> None:
+        """Takes what has come for this vehicle. By the thread that reads the link."""
+        with self._lock:
+            if self._ends is None or self._waiting_bytes + len(chunk[0]) > QUEUE_BYTES:
+                return
+            if not self._waiting:
+                os.write(self._ends.write, b"\0")
+            self._waiting.append(chunk)
+            self._waiting_bytes += len(chunk[0])
 
     @override
     def receive(self, now_s: float) -> list[Chunk]:
-        return self._inbox.take()
+        found: list[Chunk] = []
+        taken = 0
+        with self._lock:
+            while self._waiting and taken < BATCH_BYTES:
+                found.append(self._waiting.popleft())
+                taken += len(found[-1][0])
+            self._waiting_bytes -= taken
+            if found and not self._waiting and self._ends is not None:
+                os.read(self._ends.read, 1)
+        return found
 
     @override
     def send(self, data: bytes, *, is_perishable: bool = False) -> bool:
