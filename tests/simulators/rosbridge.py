@@ -85,7 +85,7 @@ class Faults:
 class _Subscription:
     throttle_s: float
     queue: deque[Message]
-    compression: str
+    is_cbor: bool
     sent_s: float = -math.inf
 
 
@@ -215,12 +215,6 @@ class Bridge:
         found = (getattr(node, "latched", {}).get(topic) for node in self.nodes)
         return next((each for each in found if each is not None), None)
 
-    def serialized(self, topic: str, message: Message) -> bytes:
-        """Returns a message as this ROS sends it, by the node that publishes it."""
-        node: Any = next(each for each in self.nodes if topic in each.topics)
-        data: bytes = node.serialized(message)
-        return data
-
     def _list_topics(self, _: Message) -> Message:
         if not self.faults.has_master:
             raise RefusedError("Unable to communicate with master!")
@@ -289,7 +283,7 @@ class Session:
         for topic, subscription in self._subscriptions.items():
             while subscription.queue and now_s - subscription.sent_s >= subscription.throttle_s - 1e-6:
                 subscription.sent_s = now_s
-                self._send(topic, subscription.queue.popleft(), subscription.compression)
+                self._send(topic, subscription.queue.popleft(), is_cbor=subscription.is_cbor)
 
     def _subscribe(self, operation: Message) -> None:
         topic, kind = operation["topic"], operation.get("type")
@@ -297,9 +291,9 @@ class Session:
         if known is not None and kind is not None and known != kind:
             raise RefusedError(f"subscribe: {topic} has the type {known}, not {kind}")
         length = operation.get("queue_length", 0)
-        compression = operation.get("compression", "none") if self._bridge.has_cbor else "none"
+        is_cbor = self._bridge.has_cbor and operation.get("compression") == "cbor"
         throttle_s = operation.get("throttle_rate", 0) / 1000.0
-        self._subscriptions[topic] = _Subscription(throttle_s, deque(maxlen=length or None), compression)
+        self._subscriptions[topic] = _Subscription(throttle_s, deque(maxlen=length or None), is_cbor)
         latched = self._bridge.latched(topic)
         if latched is not None:
             self.offer(topic, latched)
@@ -372,13 +366,11 @@ class Session:
         while self._held_up and not self.is_held_up:
             self._execute(self._held_up.popleft())
 
-    def _send(self, topic: str, message: Message, compression: str) -> None:
+    def _send(self, topic: str, message: Message, *, is_cbor: bool) -> None:
         message = stamped(message, self._bridge.ros)
-        if compression == "cbor-raw":
-            message = {"secs": 0, "nsecs": 0, "bytes": self._bridge.serialized(topic, message)}
-        elif compression == "cbor" and _fails_in_cbor(message):
+        if is_cbor and _fails_in_cbor(message):
             return
-        if compression != "none":
+        if is_cbor:
             self.out.append(cbor2.dumps({"op": "publish", "topic": topic, "msg": _cbor_ready(message)}))
         else:
             self.out.append(json.dumps({"op": "publish", "topic": topic, "msg": json_ready(message)}))

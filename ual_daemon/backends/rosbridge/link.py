@@ -17,7 +17,7 @@ from ual_daemon.backends.rosbridge import operations
 from ual_daemon.backends.rosbridge.calls import PendingCalls, ServiceError, ServiceTimeoutError
 from ual_daemon.backends.rosbridge.connections import Connections
 from ual_daemon.backends.rosbridge.graph import TOPICS_SERVICE, Graph, RosGeneration, read_graph
-from ual_daemon.backends.rosbridge.operations import Compression, Fragments, Message, OperationError
+from ual_daemon.backends.rosbridge.operations import Fragments, Message, OperationError
 from ual_daemon.backends.rosbridge.slow_calls import SlowCalls
 from ual_daemon.backends.rosbridge.url import BridgeUrl
 from ual_daemon.backends.rosbridge.websocket import Dial, dial
@@ -67,7 +67,7 @@ class _TopicSubscription:
     throttle_ms: int
     queue_length: int
     silence_s: float
-    compression: Compression
+    is_cbor: bool
     is_sent: bool = False
     has_come: bool = False
     active_s: float = -math.inf
@@ -135,8 +135,6 @@ class RosbridgeLink:
         self.why_not = ""
         """Why the link is not up, human-readable; empty if it is."""
         self.connections_count = 0
-        self.is_topic_missing = False
-        """Whether a topic is missing that cannot be subscribed to yet: the topics are then asked for each second."""
 
     # --- For any thread -----------------------------------------------------------------------------------------------
 
@@ -176,17 +174,6 @@ class RosbridgeLink:
         data = operations.publish(topic, message)
         with contextlib.suppress(OSError):  # the link's thread sees it, too
             connections.published.put(topic, data, may_leave=connections.answers(self._clock.now_s()))
-
-    def publish_now(self, topic: str, message: Message) -> bool:
-        """Publishes a message if the bridge takes it at once, and returns whether it does; nothing leaves later."""
-        connections = self._connections
-        if connections is None or not self.is_up or not connections.answers(self._clock.now_s()):
-            return False
-        data = operations.publish(self.url.resolve(topic), message)
-        try:
-            return connections.published.put_now(data)
-        except OSError:  # the link's thread sees it, too
-            return False
 
     def waits(self, topic: str) -> bool:
         """Returns whether the message of a topic has not left yet."""
@@ -246,26 +233,16 @@ class RosbridgeLink:
         throttle_ms: int = 0,
         queue_length: int = 1,
         silence_s: float = math.inf,
-        *,
-        is_raw: bool = False,
     ) -> None:
         """Subscribes to a topic of a type (``pkg/Name``): once somebody publishes it, and after every reconnection.
 
         `throttle_ms` is the shortest interval between two messages, and `queue_length` how many may wait in the bridge.
         After `silence_s` without a message it is subscribed to anew: in ROS 2 a publisher that comes back with another
-        quality of service is not heard otherwise. With `is_raw` a message has only the field ``bytes``, what ROS sends,
-        unless the bridge cannot do that.
+        quality of service is not heard otherwise.
         """
         name = self.url.resolve(topic)
-        compression = Compression.CBOR if operations.fits_cbor(kind) else Compression.NONE
         wanted = _TopicSubscription(
-            name,
-            kind,
-            on_message,
-            throttle_ms,
-            queue_length,
-            silence_s,
-            Compression.CBOR_RAW if is_raw else compression,
+            name, kind, on_message, throttle_ms, queue_length, silence_s, operations.fits_cbor(kind)
         )
         self._subscriptions[name] = wanted
         self._refreshed_s = -math.inf
@@ -418,7 +395,7 @@ class RosbridgeLink:
         self._refresh_subscriptions()
         if self.state is RosbridgeState.ASKING:
             self.state, self.why_not = RosbridgeState.UP, ""
-        self._ask_s = now_s + (_ASK_AGAIN_S if self.is_topic_missing or self.faults() else _LOOK_S)
+        self._ask_s = now_s + (_ASK_AGAIN_S if self.faults() else _LOOK_S)
 
     def _refresh_subscriptions(self) -> None:
         """Announces what is published, and subscribes to what can be, and to what has fallen silent.
@@ -436,10 +413,9 @@ class RosbridgeLink:
             transport.send(operations.unsubscribe(self._unsubscribed.pop()))
         for each in self._subscriptions.values():
             each.fault = graph.fault(each.topic, each.kind)
-            is_cbor = each.compression is not Compression.NONE
-            if each.is_sent and is_cbor and not each.has_come and now_s - each.cbor_since_s > _CBOR_S:
+            if each.is_sent and each.is_cbor and not each.has_come and now_s - each.cbor_since_s > _CBOR_S:
                 transport.send(operations.unsubscribe(each.topic))
-                each.is_sent, each.compression = False, Compression.NONE
+                each.is_sent = each.is_cbor = False
             if each.is_sent and now_s - each.active_s > each.silence_s:
                 each.fault = each.fault or f"nothing comes on {each.topic}"
                 transport.send(operations.unsubscribe(each.topic))
@@ -449,7 +425,7 @@ class RosbridgeLink:
                 each.cbor_since_s = min(each.cbor_since_s, now_s)
                 kind = graph.ros.spell(each.kind)
                 transport.send(
-                    operations.subscribe(each.topic, kind, each.throttle_ms, each.queue_length, each.compression)
+                    operations.subscribe(each.topic, kind, each.throttle_ms, each.queue_length, is_cbor=each.is_cbor)
                 )
             if "has the type" in each.fault:
                 self._say("topic_unusable", each.fault)

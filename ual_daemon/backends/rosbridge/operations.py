@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from enum import Enum
 from typing import Any
 
 import cbor2
@@ -35,17 +34,10 @@ def fits_cbor(kind: str) -> bool:
     return kind.rsplit("/", 1)[-1] not in _JSON_ONLY
 
 
-class Compression(Enum):
-    """The form in which a topic's messages come: JSON, CBOR, or CBOR around the bytes that ROS sends."""
-
-    NONE = "none"
-    CBOR = "cbor"
-    CBOR_RAW = "cbor-raw"
-
-
-def subscribe(topic: str, kind: str, throttle_ms: int, queue_length: int, compression: Compression) -> bytes:
+def subscribe(topic: str, kind: str, throttle_ms: int, queue_length: int, *, is_cbor: bool) -> bytes:
     """Returns the operation that subscribes. A bridge that does not know CBOR answers in JSON."""
-    options = {"throttle_rate": throttle_ms, "queue_length": queue_length, "compression": compression.value}
+    compression = "cbor" if is_cbor else "none"
+    options = {"throttle_rate": throttle_ms, "queue_length": queue_length, "compression": compression}
     return _encode({"op": "subscribe", "id": topic, "topic": topic, "type": kind, **options})
 
 

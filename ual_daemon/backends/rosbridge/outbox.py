@@ -30,16 +30,6 @@ class Outbox:
             if may_leave:
                 self._send()
 
-    def put_now(self, message: bytes) -> bool:
-        """Sends a message if the connection takes it at once and nothing waits before it; returns whether it does.
-
-        Raises:
-            OSError: The connection is lost.
-        """
-        with self._lock:
-            self._send()
-            return not self._waiting and self._transport.send(message, is_perishable=True)
-
     def flush(self) -> None:
         """Sends what waits, as far as the connection takes it.
 

@@ -80,14 +80,3 @@ def test_what_may_not_leave_yet_leaves_when_it_is_flushed(socket: Socket) -> Non
     assert socket.sent == []
     outbox.flush()
     assert socket.sent == [b"1"]
-
-
-def test_what_leaves_at_once_or_never_waits_for_nothing(socket: Socket) -> None:
-    outbox = Outbox(socket)
-    assert outbox.put_now(b"1")
-    socket.is_full = True
-    assert not outbox.put_now(b"2")
-    outbox.put("/a", b"waits")
-    socket.is_full = False
-    assert outbox.put_now(b"3")
-    assert socket.sent == [b"1", b"waits", b"3"]
