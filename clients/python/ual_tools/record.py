@@ -162,7 +162,10 @@ def _times(summary: Summary) -> str:
 @click.option("--kml", "as_kml", is_flag=True, help="The track of each UAV, for Google Earth and GIS.")
 @click.option("--gpx", "as_gpx", is_flag=True, help="The track of each UAV with times, for maps.")
 @click.option(
-    "--directory", type=click.Path(file_okay=False, path_type=Path), metavar="DIR", help="Where to; beside FILE."
+    "--directory",
+    type=click.Path(file_okay=False, path_type=Path),
+    metavar="DIR",
+    help="Target directory; default: that of FILE.",
 )
 @pass_session
 def export(
@@ -242,7 +245,7 @@ def _exported(
     "log_file",
     type=click.Path(exists=True, dir_okay=False, path_type=Path),
     metavar="FILE",
-    help="The autopilot's log of the same flight (.ulg, .bin), drawn beside the recording.",
+    help="The autopilot's log of the same flight (.ulg, .bin), drawn next to the recording.",
 )
 @pass_session
 def plot(session: CommandSession, file: Path, output: Path | None, log_file: Path | None) -> None:

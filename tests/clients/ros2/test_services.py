@@ -368,12 +368,12 @@ def test_what_is_refused_is_counted_and_reported() -> None:
     ],
 )
 def test_the_simulation_of_a_real_uav_is_not_requested(
-    is_simulation: bool, refusal: Exception | None, is_offered: bool, asked_count: int
+    is_simulation: bool, refusal: Exception | None, is_available: bool, asked_count: int
 ) -> None:
     parts = AsyncMock(return_value=frozenset(), side_effect=refusal)
     uav: Any = SimpleNamespace(simulation=SimpleNamespace(parts=parts))
     info: Any = SimpleNamespace(is_simulation=is_simulation)
-    assert asyncio.run(_awaited(simulation.is_available(uav, info))) is is_offered
+    assert asyncio.run(_awaited(simulation.is_available(uav, info))) is is_available
     assert parts.await_count == asked_count
 
 

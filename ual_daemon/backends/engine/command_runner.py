@@ -21,6 +21,7 @@ from dataclasses import dataclass, field
 from typing import Generic, NamedTuple, TypeVar
 
 from ual.errors import RejectedByAutopilotError, UalError, UalTimeoutError
+from ual.shared.renamed import renamed_property
 from ual_daemon.backends import futures
 from ual_daemon.backends.engine.command import ARMING, FLYING, Command, Verdict
 from ual_daemon.backends.engine.contained import defect
@@ -264,6 +265,8 @@ class CommandRunner(Generic[R]):
             if pending.command.group:
                 return True
         return False
+
+    is_any_under_way = renamed_property(is_any_pending, "CommandRunner.is_any_under_way")
 
     def is_pending(self, command: Command[R]) -> bool:
         """Returns whether an equal command is queued or unanswered."""

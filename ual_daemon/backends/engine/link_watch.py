@@ -7,6 +7,7 @@ import math
 from collections.abc import Callable
 from enum import Enum
 
+from ual.shared.renamed import renamed
 from ual_daemon import logs
 from ual_daemon.backends.engine.boot_time import BootTime
 from ual_daemon.backends.engine.limits import ANEW_S, SILENT_S
@@ -73,6 +74,8 @@ class LinkWatch:
         if self.state is not LinkWatchState.CONNECTED:
             self._change(LinkWatchState.CONNECTED, silence_s)
         return silence_s
+
+    on_heard = renamed(on_message, "LinkWatch.on_heard")
 
     def on_blind(self, until_s: float) -> None:
         """Notes that what is read until then may be old: our thread did not look for a while."""

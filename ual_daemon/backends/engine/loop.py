@@ -11,6 +11,7 @@ from concurrent.futures import Future
 from typing import Protocol, TypeVar
 
 from ual.errors import UalError
+from ual.shared.renamed import renamed
 from ual_daemon.backends import futures
 from ual_daemon.backends.base import Clock, UpdateCallback
 from ual_daemon.backends.engine.contained import ErrorBarrier, defect
@@ -114,6 +115,8 @@ class Loop:
         Where the loop has ended, so has the future. `what` is human-readable: "take a photo".
         """
         return self._given.give(what, lambda future: self.post(lambda now_s: _begin(what, begin, future, now_s)))
+
+    give = renamed(run_on_loop, "Loop.give")
 
     def end(self) -> None:
         """Ends all futures that are open. To be called once the thread has ended."""

@@ -39,7 +39,7 @@ _FAILED = 1
 )
 @pass_session
 def launch(session: CommandSession, file: Path, is_shown: bool, systemd: Path | None, compose: Path | None) -> None:
-    """Run a team: daemons, and programs beside them.
+    """Run a team: daemons, and programs next to them.
 
     Ctrl-C lands the UAVs that this team flies, then ends all programs. Ctrl-C again holds them and ends at once; a
     third one kills.

@@ -34,7 +34,10 @@ _LOOK_S = 0.5
 )
 @click.argument("file", type=click.Path(dir_okay=False, path_type=Path))
 @click.option(
-    "--pid", "pid_file", type=click.Path(dir_okay=False, path_type=Path), help="nginx's, to be told of changes."
+    "--pid",
+    "pid_file",
+    type=click.Path(dir_okay=False, path_type=Path),
+    help="File with the process id of nginx, which reloads after each change.",
 )
 @click.option("--once", is_flag=True, help="Write the file once, and end.")
 @pass_session
@@ -43,8 +46,8 @@ def gateway(session: CommandSession, file: Path, pid_file: Path | None, once: bo
 
     It does so until Ctrl-C.
 
-    FILE is the list that nginx reads (deploy/gateway). nginx is told of each change, and its calls go on. A UAV that is
-    gone from the network stays in the list: whether its daemon is there, the call will tell. Where two UAVs have one
+    FILE is the list that nginx reads (deploy/gateway). nginx reloads after each change, and its calls go on. A UAV that
+    is gone from the network stays in the list: whether its daemon is there, the call will tell. Where two UAVs have one
     name, the one that was there first stays, and both are left out where neither was.
     """
     if session.joined is None:

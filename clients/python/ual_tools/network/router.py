@@ -18,14 +18,14 @@ from ual_tools.session import CommandSession, pass_session
 def router(session: CommandSession, file: Path) -> None:
     """Run a router of the network until Ctrl-C.
 
-    FILE is what `ual certificates network` has written, with the certificates beside it; `zenohd --config FILE` takes
+    FILE is what `ual certificates network` has written, with the certificates next to it; `zenohd --config FILE` takes
     it, too. Needs ual-tools[network].
     """
     from ual.network.session import RouterSession, require
 
     require("ual router", "ual-tools[network]")
     path = file.resolve()
-    os.chdir(path.parent)  # the file names certificates beside it
+    os.chdir(path.parent)  # the file names certificates next to it
     with RouterSession(path) as running:
         session.emit({"router": running.identifier, "listen": running.listen}, f"routes at {', '.join(running.listen)}")
         running.run()

@@ -45,7 +45,7 @@ STATUS_S = 10.0
     "gga_s",
     type=click.IntRange(0, 3600),
     metavar="SECONDS",
-    help="How often the caster is told where the UAV is (0: never). Else each 10 s where its table says so.",
+    help="Seconds between reports of the position to the caster (0: none). Default: 10 s where its table requires it.",
 )
 @click.option(
     "--status",
