@@ -12,6 +12,7 @@ from pathlib import Path
 
 from google.protobuf.descriptor_pb2 import FileDescriptorSet
 
+from tools import clients
 from tools.contract import (
     calls_source,
     clients_source,
@@ -50,6 +51,7 @@ def derived() -> dict[Path, str]:
         page: roles_page.page(page.read_text(encoding="utf-8"), described),
         **ros.derived(contract),
         **_lists(contract),
+        **clients.sources(),
         **{path: text for each in extension.EXAMPLES for path, text in extension.derived(each).items()},
     }
 

@@ -442,8 +442,6 @@ TYPES = {
     ),
     **dict.fromkeys(("Grip", "Release"), "MoveGripper"),
 }
-MEMBERS = {"GetRoute": "route", "ListFaults": "faults", "ListFrames": "frames", "ListParts": "parts"}
-"""Members of services whose options do not name them."""
 OWN = (
     "EnableFence",
     "GetCorrectionsStatus",

@@ -134,7 +134,7 @@ class Shapes:
     def unknown(self) -> list[str]:
         """Returns what the table names, and the contract has not; to be called once all was made."""
         methods = {each.name for each in self.methods}
-        of_methods = {*ros_names.NAMES, *ros_names.TYPES, *ros_names.MEMBERS, *ros_names.OWN, *ros_names.NO_SERVICE}
+        of_methods = {*ros_names.NAMES, *ros_names.TYPES, *ros_names.OWN, *ros_names.NO_SERVICE}
         of_messages = {*ros_names.INSTEAD, *ros_names.EXTRA, *ros_names.ORDER, *ros_names.MESSAGES}
         return sorted(
             (ros_names.FIELDS.keys() - self.rules.used) | (of_methods - methods) | (of_messages - self.messages.keys())
@@ -271,8 +271,7 @@ class Shapes:
             return "", {}
         service = method.containing_service
         of_service = self._options.read("Service", "service_facts", service.GetOptions())
-        member = self._options.read("Method", "facts", method.GetOptions()).member
-        member = member or ros_names.MEMBERS.get(method.name, snake(method.name))
+        member = self._options.read("Method", "facts", method.GetOptions()).member or snake(method.name)
         if service.name == "UalService":
             return f"uav.{member}", arguments_of("Uav", member)
         interface, number = of_service.part or service.name.removesuffix("Service"), snake(of_service.each)
