@@ -32,6 +32,10 @@ _ROOT = Path(__file__).parents[1]
 _SET_CHILD_SUBREAPER = 36
 _AT_START = ("PYTHON", "GRPC_", "COVERAGE_", "LD_", "LANG", "LC_")
 """Variables with these beginnings count when a process begins: one that has others cannot be forked."""
+_SET_BY_PROGRAMS = {"GRPC_VERBOSITY": "NONE", "GRPC_EXPERIMENTS": "-event_engine_listener"}
+"""Variables that the programs set where they are missing: one that a test runs in its own process leaves them there."""
+_REMOVED = ("PYTHONDONTWRITEBYTECODE",)
+"""Variables that tests/conftest.py removes."""
 _MOST_BYTES = 1 << 17
 _STDERR = 2
 
@@ -162,7 +166,11 @@ def can_fork(environment: Mapping[str, str]) -> bool:
 
 
 def _of_start(environment: Mapping[str, str]) -> dict[str, str]:
-    return {name: value for name, value in environment.items() if name.startswith(_AT_START)}
+    return {
+        name: value
+        for name, value in environment.items()
+        if name.startswith(_AT_START) and name not in _REMOVED and _SET_BY_PROGRAMS.get(name) != value
+    }
 
 
 _FIRST_ENVIRONMENT = _of_start(os.environ)

@@ -62,4 +62,6 @@ def test_one_of_another_python_is_started(tmp_path: Path) -> None:
     assert forkserver.can_fork(environment)
     assert not forkserver.can_fork({**environment, "PYTHONPATH": "/elsewhere"})
     assert forkserver.can_fork({**environment, "HOME": "/elsewhere"})
+    assert forkserver.can_fork({**environment, "GRPC_VERBOSITY": "NONE"})  # as `ual` leaves it, run in this process
+    assert not forkserver.can_fork({**environment, "GRPC_VERBOSITY": "DEBUG"})
     assert os.environ.get("PYTHONPATH") != "/elsewhere"

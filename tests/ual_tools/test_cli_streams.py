@@ -85,7 +85,9 @@ def test_what_was_commanded_for_and_is_lost_fails_in_one_message(daemon: DaemonP
 def test_without_an_output_a_command_works(daemon: DaemonProcess, words: tuple[str, ...]) -> None:
     del daemon
     done = run("closed", *words)
-    assert (done.returncode, done.stderr) == (0, "")
+    # A busy computer is behind, and `ual state` says so.
+    told = [line for line in done.stderr.splitlines() if "simulated time is" not in line]
+    assert (done.returncode, told) == (0, [])
 
 
 def test_python_starts_without_an_output() -> None:
