@@ -274,3 +274,22 @@ def test_a_ground_station_at_component_1_is_no_second_autopilot(caplog: pytest.L
     for autopilot in (mavlink.MAV_AUTOPILOT_INVALID, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, 0):
         harness.receive(data=packer(255)(heartbeat(autopilot=autopilot, kind=mavlink.MAV_TYPE_GCS)))
     assert [record.message for record in caplog.records if "more than one" in record.message] == []
+
+
+@pytest.mark.parametrize("flag", [0, mavlink.MAV_PROTOCOL_CAPABILITY_COMPONENT_IMPLEMENTS_GIMBAL_MANAGER])
+def test_a_px4_is_asked_for_its_gimbals_if_its_version_says_that_it_manages_some(flag: int) -> None:
+    harness = Harness()
+    harness.receive(heartbeat())
+    harness.run(5.0)  # its version is not known yet
+    assert gimbal_requests(harness) == 0
+    texts = [[0] * 8] * 3
+    harness.receive(heartbeat(), mavlink.MAVLink_autopilot_version_message(flag, 0x011100FF, 0, 0, 0, *texts, 0, 0, 0))
+    for _ in range(10):
+        harness.receive(heartbeat())
+        harness.run(1.0)
+    assert (gimbal_requests(harness) > 0) is (flag > 0)
+
+
+def gimbal_requests(harness: Harness) -> int:
+    asked = harness.commands(mavlink.MAV_CMD_REQUEST_MESSAGE)
+    return sum(each.param1 == mavlink.MAVLINK_MSG_ID_GIMBAL_MANAGER_INFORMATION for each in asked)
