@@ -49,8 +49,6 @@ from ual.v1 import ual_pb2 as pb
 from ual.wire import motions, uav
 
 T = TypeVar("T")
-F = TypeVar("F", bound=Callable[..., Any])
-
 
 _UNTRACED: AbstractContextManager[Metadata] = nullcontext(())
 # How long a call waits for a daemon that was there before: longer than gRPC's pause between two tries to connect.

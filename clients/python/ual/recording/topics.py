@@ -12,8 +12,6 @@ if TYPE_CHECKING:
 
 PROTOBUF = "protobuf"
 JSON = "json"
-MAVLINK = "mavlink"
-"""The encoding of raw packets: MAVLink frames as they were on the wire."""
 
 
 @dataclass(frozen=True, slots=True)
