@@ -6,9 +6,10 @@ from typing import Any
 
 import pytest
 
-from ual._service_calls import gripper
+from ual._service_calls import gripper, parameters, simulation
 from ual.errors import InvalidArgumentError
 from ual.gripper import WinchAction
+from ual.simulation import MotorsWeak
 
 
 @pytest.mark.parametrize(
@@ -20,3 +21,17 @@ def test_the_argument_at_fault_is_named(field: str, wrong: object) -> None:
     with pytest.raises(InvalidArgumentError, match=rf"^{field}: ") as raised:
         gripper.order_winch(**arguments | {field: wrong})
     assert raised.value.metadata == {"field": field}
+
+
+@pytest.mark.parametrize(("name", "wrong"), [(b"MPC_XY_VEL_MAX", False), ("MPC_XY_VEL_MAX", "no")])
+def test_a_text_and_a_switch_that_protobuf_would_take_for_one_are_refused(name: Any, wrong: Any) -> None:
+    field = "name" if isinstance(name, bytes) else "force"
+    with pytest.raises(InvalidArgumentError, match=rf"^{field}: ") as raised:
+        parameters.set_(name, 5.0, wrong)
+    assert raised.value.metadata == {"field": field}
+
+
+def test_a_fault_that_is_none_and_a_part_of_it_that_is_wrong_are_named() -> None:
+    for wrong in ("link lost", MotorsWeak("half")):  # type: ignore[arg-type]
+        with pytest.raises(InvalidArgumentError, match=r"^fault: "):
+            simulation.begin_fault(wrong, 0.0)  # type: ignore[arg-type]
