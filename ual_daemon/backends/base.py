@@ -255,7 +255,7 @@ class Backend(ABC):
         """
 
     def utc_s(self) -> float:
-        """Returns the present time as UTC since 1970, by which stamps from outside are judged.
+        """Returns the present time as UTC since 1970, by which stamps from outside are assessed.
 
         In a simulation, it is the simulated time from which `MotionState.stamp_s` is made.
         """

@@ -19,7 +19,7 @@ Linux' other monotonic clock stands still then. Data from before the sleep would
 class MonotonicClock(Clock):
     """The computer's monotonic clock, and the same moment as UTC since 1970 (`utc_s`).
 
-    Both are the system's own functions, as each message asks for them several times.
+    Both are the system's own functions, as each message requests them several times.
     """
 
     now_s = staticmethod(steady_s)

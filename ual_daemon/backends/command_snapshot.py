@@ -18,7 +18,7 @@ _snapshot: ContextVar[Snapshot | None] = ContextVar("ual_judged", default=None)
 
 
 def call_with_snapshot(snapshot: Snapshot, command: Callable[[], T]) -> T:
-    """Calls what commands the backend, by a snapshot in which that was judged."""
+    """Calls what commands the backend, by a snapshot in which that was assessed."""
     token = _snapshot.set(snapshot)
     try:
         return command()
@@ -27,5 +27,5 @@ def call_with_snapshot(snapshot: Snapshot, command: Callable[[], T]) -> T:
 
 
 def command_snapshot() -> Snapshot | None:
-    """Returns the snapshot by which the present command was judged; None for the newest one."""
+    """Returns the snapshot by which the present command was assessed; None for the newest one."""
     return _snapshot.get()

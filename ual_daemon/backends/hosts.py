@@ -15,7 +15,7 @@ _PATIENCE_S = 0.02
 
 
 class Host:
-    """A port of a host. The name is resolved anew each time, on a thread of its own: that may take many seconds."""
+    """A port of a host. The name is resolved again each time, on a thread of its own: that may take many seconds."""
 
     def __init__(self, name: str, port: int, kind: socket.SocketKind, error: type[Exception]) -> None:
         """`error` is what is raised where there is no address."""

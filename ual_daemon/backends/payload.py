@@ -32,7 +32,7 @@ class Payload(ABC):
         """Sends a command. Replaces, and so cancels, the one with this id that is not acknowledged yet.
 
         The future ends with the acknowledgement, or with a `RejectedByAutopilotError` that quotes the autopilot; it
-        ends with a `LinkLostError` if no autopilot is heard. If the acknowledgement is lost, it stays open: give up
+        ends with a `LinkLostError` if no autopilot is received. If the acknowledgement is lost, it stays open: give up
         after a time, and cancel it.
 
         Raises:

@@ -9,7 +9,7 @@ import struct
 STALLED_S = 0.5
 """Seconds without an acknowledgement of repeated data after which the system ends a connection (Linux): about 0.7 s
 after the last sign of life. A command that it holds would else be executed when the network is there again, however
-late. It takes TCP itself longer to recover from such an outage than to connect anew.
+late. It takes TCP itself longer to recover from such an outage than to connect again.
 """
 _USER_TIMEOUT = getattr(socket, "TCP_USER_TIMEOUT", None)
 _DISCARD = struct.pack("ii", 1, 0)

@@ -35,8 +35,8 @@ class AutopilotCommand:
     def send(self, sender: Callable[[], Future[None]], judged: Snapshot | None = None) -> None:
         """Sends it, unless it was withdrawn before. A `UalError` that the backend raises counts as a refusal.
 
-        `judged` is the snapshot by which it was judged; None for the newest one. It does not overrule a later change of
-        the mode.
+        `judged` is the snapshot by which it was assessed; None for the newest one. It does not overrule a later change
+        of the mode.
         """
         if self._is_withdrawn:
             return

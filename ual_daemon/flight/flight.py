@@ -169,17 +169,17 @@ class Flight:
     # --- What is known ------------------------------------------------------------------------------------------------
 
     def raw_estimate(self, snapshot: Snapshot) -> Estimate:
-        """Estimates the state from the autopilot's data alone, without the manoeuvre that is under way."""
+        """Estimates the state from the autopilot's data alone, without the manoeuvre that is in progress."""
         return self._explanation.explained(estimate(snapshot, self._backend.freshness), snapshot)
 
     def estimate(self, snapshot: Snapshot) -> Estimate:
-        """Estimates the state from the autopilot's data and the manoeuvre that is under way."""
+        """Estimates the state from the autopilot's data and the manoeuvre that is in progress."""
         manoeuvre, explanation = self._flown.manoeuvre, self._explanation
         declared = None if manoeuvre is None else manoeuvre.declares
         mission = "" if manoeuvre is None else manoeuvre.mission or manoeuvre.stops_mission
         freshness, (known_of, known_by, known) = self._backend.freshness, self._stepped
         if declared is None and not mission and known_of is snapshot and known_by is freshness:
-            found = noted(known, explanation.note)  # as `estimate` finds, without looking at all anew
+            found = noted(known, explanation.note)  # as `estimate` finds, without looking at all again
         else:
             found = estimate(snapshot, freshness, declared, explanation.note, mission)
         if found.state is not State.UNINITIALIZED:
@@ -307,7 +307,7 @@ class Flight:
           begins, and the stop for the lease ends it. What is being planned does not begin after that.
         - The shutdown, and a command: either the command is refused, or the shutdown ends it.
         - A jump of the estimate, and a command: what is flown then hears of the jump. What comes later does not, but
-          was judged by its caller with what the caller knew.
+          was assessed by its caller with what the caller knew.
 
         Returns:
             Whether it was exchanged.
@@ -332,7 +332,7 @@ class Flight:
         self._backend.request_home()
 
     def require_replaceable(self, command: str) -> None:
-        """Checks that a command may end the manoeuvre that is under way.
+        """Checks that a command may end the manoeuvre that is in progress.
 
         Raises:
             WrongStateError: Only the safety pilot can abort that manoeuvre.
@@ -372,7 +372,7 @@ class Flight:
             raise
 
     def adopt(self, manoeuvre: Manoeuvre) -> bool:
-        """Begins a manoeuvre of UAL that was under way before this daemon. Returns False where something is flown."""
+        """Begins a manoeuvre of UAL that was in progress before this daemon. Returns False where something is flown."""
 
         def begins(old: Manoeuvre | None) -> Ending | None:
             if old is not None or self.is_closing or self.is_watch_only:
@@ -395,9 +395,9 @@ class Flight:
         self._swap(new, partial(self._begins, new, order, only_task_id), first, snapshot)
 
     def renew_velocity(self, twist: Twist, lease_id: str) -> bool:
-        """Flies on with another velocity of a stream, along the axes of ``<ns>/odom``, without judging all anew.
+        """Flies on with another velocity of a stream, along the axes of ``<ns>/odom``, without judging all again.
 
-        Returns False, and does nothing, where something is to be judged: `begin_reference` is then the way.
+        Returns False, and does nothing, where something is to be assessed: `begin_reference` is then the way.
         """
         if self._clearance.rests_count > 0:
             self._clearance.rests_count -= 1
@@ -478,7 +478,7 @@ class Flight:
         self._last_command = LastCommand(self._last_command.number + 1, name)
 
     def stop_for_lease(self, why: str) -> None:
-        """Aborts what is under way because the lease begins or ends: the UAV holds its position.
+        """Aborts what is in progress because the lease begins or ends: the UAV holds its position.
 
         A take-off or a landing goes on, and in a flight that is not UAL's nothing is sent. An arming that has not left
         yet does not leave any more.
@@ -628,7 +628,7 @@ class Flight:
         return _by_shutdown(old)
 
     def _step_shutdown(self, snapshot: Snapshot, shutdown: Shutdown) -> None:
-        """Steps the shutdown, once no manoeuvre is under way but a reference, or a stop that is not seen."""
+        """Steps the shutdown, once no manoeuvre is in progress but a reference, or a stop that is not seen."""
         manoeuvre = self._flown.manoeuvre
         if shutdown.future.done():
             return

@@ -64,7 +64,7 @@ class MissionStop:
         recover = StopInAir(
             self._by, seen, self._modes, limits, control, self.after, self._hold_instead, is_early=is_early
         )
-        # In a mode that was not judged yet, its steps send it.
+        # In a mode that was not assessed yet, its steps send it.
         is_judged = seen in ("", snapshot.control.settled_mode) and not is_early
         return Handover(recover, partial(recover.send, snapshot)) if is_judged else Handover(recover)
 

@@ -1,7 +1,7 @@
 """The sources of the position in flight: satellites or poses from outside that end, long before the autopilot says so.
 
-Autopilots fly on by inertia for 5 to 7 s, and the estimate drifts by metres meanwhile. What ends is told at once, and
-tasks wait on their way. Where the estimate stays good for longer, the autopilot has another source, and they go on.
+Autopilots fly on by inertia for 5 to 7 s, and the estimate drifts by metres meanwhile. What ends is reported at once,
+and tasks wait on their way. Where the estimate stays good for longer, the autopilot has another source, and they go on.
 """
 
 from __future__ import annotations

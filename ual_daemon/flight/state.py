@@ -36,7 +36,7 @@ def estimate(
 ) -> Estimate:
     """Estimates the state from the data, in the order of `ual.v1.State`.
 
-    `manoeuvre` is TAKING_OFF or LANDING while a take-off or landing of UAL is under way; None otherwise. `note` is
+    `manoeuvre` is TAKING_OFF or LANDING while a take-off or landing of UAL is in progress; None otherwise. `note` is
     added to the reason of FLYING_AUTO. `mission` says what the autopilot does in a mission that is a task of UAL; empty
     where it flies none.
     """

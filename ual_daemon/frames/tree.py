@@ -17,7 +17,7 @@ MAP = "map"
 MOST_FRAMES = 200
 """With ``map``. Each frame costs time with every answer that lists them, and with every move of one."""
 MOST_LEVELS = 32
-"""Levels below ``map``. Each level costs time with every pose that is asked for in a frame below it."""
+"""Levels below ``map``. Each level costs time with every pose that is requested in a frame below it."""
 EXTRAPOLATION_S = 0.5
 """Seconds after its last update for which a client's frame goes on at its velocity; then it stands still."""
 _UPDATED_S = 2.0 * EXTRAPOLATION_S

@@ -1,4 +1,4 @@
-"""The files with the rights of callers: ``--roles`` and ``--tokens``. They are read anew when they have changed."""
+"""The files with the rights of callers: ``--roles`` and ``--tokens``. They are read again when they have changed."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ class DaemonChecks:
         self._sources = (*sources, _ended_threads)
 
     def refresh(self) -> None:
-        """Looks at the checks anew. From any thread; to be called when one of them has changed."""
+        """Looks at the checks again. From any thread; to be called when one of them has changed."""
         found = tuple(BEGIN + each for source in self._sources for each in source())
         for vehicle in self._vehicles:
             own = tuple(BEGIN + each for file in vehicle.kept_files for each in file.checks)

@@ -156,7 +156,7 @@ class Daemon:
         """Opens all addresses, then serves on them. Returns False if it is to end, at any time meanwhile."""
         for each in served:
             each.listen()
-            await asyncio.sleep(0.0)  # a signal is heard
+            await asyncio.sleep(0.0)  # a signal is received
             if stop.is_set():
                 return False
         if not await self._supervision.may_serve():

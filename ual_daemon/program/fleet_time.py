@@ -1,4 +1,4 @@
-"""The simulated time of a fleet that several processes fly: a change that one of them is asked for happens in all.
+"""The simulated time of a fleet that several processes fly: a change that one of them is requested happens in all.
 
 A worker sends each change to the supervisor. The supervisor has all workers make the changes in one order, so that
 their times stay alike, and tells the worker that asked when all have made it.
@@ -16,7 +16,7 @@ from ual.errors import UalError, WrongStateError
 from ual.interface import Simulation
 
 ASK, MAKE, MADE = "ask", "make", "made"
-"""A worker asks for a change; all workers make it; it is made."""
+"""A worker requests a change; all workers make it; it is made."""
 _LOOK_S = 1.0
 """Seconds between two looks of a waiting worker whether the fleet ends."""
 
@@ -86,7 +86,7 @@ class FleetMember(Protocol):
 
     @property
     def is_running(self) -> bool:
-        """Whether it can be told anything."""
+        """Whether it can be reported anything."""
 
     def tell(self, *words: object) -> None:
         """Sends words to it."""
@@ -113,7 +113,7 @@ class Relay:
         self._changes: dict[int, _TimeChange] = {}
 
     def on_ask(self, origin: FleetMember, number: int, kind: str, value: float) -> None:
-        """A worker asks for a change."""
+        """A worker requests a change."""
         ticket, running = next(self._tickets), [each for each in self._members if each.is_running]
         self._changes[ticket] = _TimeChange(origin, number, running)
         for each in running:

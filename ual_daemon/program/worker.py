@@ -45,7 +45,7 @@ END_OF_LINE = "\0"
 
 
 class Channels(NamedTuple):
-    """The worker's ends of its pipes: what it is told, its own words, the lines of its log and audit, its metrics."""
+    """The worker's ends of its pipes: its orders, its reports, the lines of its log and audit, its metrics."""
 
     orders: int
     words: int
@@ -76,7 +76,7 @@ class Worker(Supervision):
         self._guard = WorkGuard("metrics")
         self._on_audit: Callable[[AuditReport], object] = _ignoring
         self._audit: tuple[str, list[str]] = ("", [])
-        # A terminal sends these to all processes of the command; the supervisor is told, and tells its workers.
+        # A terminal sends these to all processes of the command; the supervisor is reported, and tells its workers.
         for number in (signal.SIGINT, signal.SIGHUP):
             signal.signal(number, signal.SIG_IGN)
 

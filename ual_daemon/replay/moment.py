@@ -23,8 +23,8 @@ class ReplayMoment(NamedTuple):
     """One update of a recorded flight.
 
     `told` is the sample that was recorded at this update; None where there is none. If it `is_whole`, all is reported
-    as it was. Else the data are decoded anew. Only what the autopilot did not say is then taken from the sample: the
-    manoeuvre that was under way, its task, and the reference.
+    as it was. Else the data are decoded again. Only what the autopilot did not say is then taken from the sample: the
+    manoeuvre that was in progress, its task, and the reference.
     """
 
     snapshot: Snapshot
@@ -42,7 +42,7 @@ class ReplayMoment(NamedTuple):
 
 
 def decoded(snapshot: Snapshot, told: Telemetry) -> ReplayMoment:
-    """Returns data that were decoded anew, with what the autopilot did not say."""
+    """Returns data that were decoded again, with what the autopilot did not say."""
     is_ours = told.health is None or not told.health.held_by  # a mode that UAL commanded is held by nobody
     return ReplayMoment(
         snapshot._replace(control=snapshot.control._replace(held_by=None)) if is_ours else snapshot, told
@@ -75,7 +75,7 @@ def reported(told: Telemetry, time_s: float) -> ReplayMoment:
 
 
 def _manoeuvre(told: Telemetry) -> State | None:
-    """Returns TAKING_OFF or LANDING while a take-off or landing of UAL was under way; else None."""
+    """Returns TAKING_OFF or LANDING while a take-off or landing of UAL was in progress; else None."""
     task = told.task
     if task is None:
         return None

@@ -166,7 +166,7 @@ class Player:
         )
 
     def _stand_still(self) -> None:
-        """Reports until it is closed that nothing is heard any more."""
+        """Reports until it is closed that nothing is received any more."""
         if not self._closing.is_set():
             logs.event(_log, logging.INFO, "replay_ended", after_s=round(self.clock.time_s, 1))
         while not self._closing.wait(_ENDED_S):

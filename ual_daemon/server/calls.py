@@ -51,7 +51,7 @@ _log = logging.getLogger(__name__)
 
 
 class CallFigures(NamedTuple):
-    """Present calls: callers with calls under way that wait or are streams, and streams by method. `failures` counts
+    """Present calls: callers with calls in progress that wait or are streams, and streams by method. `failures` counts
     the calls that were refused or have failed since the start, by reason.
     """
 
@@ -160,7 +160,7 @@ class Calls:
 
     @property
     def running_count(self) -> int:
-        """Calls under way that a shutdown has to end."""
+        """Calls in progress that a shutdown has to end."""
         return len(self._answers)
 
     @property
@@ -223,15 +223,15 @@ class Calls:
     # --- For the answers ----------------------------------------------------------------------------------------------
 
     def join(self, answer: CallAnswer) -> None:
-        """Adds an answer that is under way: a shutdown ends it.
+        """Adds an answer that is in progress: a shutdown ends it.
 
         Raises:
-            ResourceExhaustedError: It is a stream, and too many of its method are under way.
+            ResourceExhaustedError: It is a stream, and too many of its method are in progress.
 
         """
         if answer.is_stream:
             self.require_room(answer.method_name, answer.caller)
-        answer.call.peer()  # remembered from here on: the call may end before it is asked for
+        answer.call.peer()  # remembered from here on: the call may end before it is requested
         with self._lock:
             self._answers.add(answer)
             self._running[answer.method_name, answer.caller.name] += 1
@@ -268,7 +268,7 @@ class Calls:
         self._without_request.pop(answer, None)
 
     def require_room(self, method: str, who: Caller) -> None:
-        """Refuses a call of a method of which too many of the same caller are under way.
+        """Refuses a call of a method of which too many of the same caller are in progress.
 
         Raises:
             ResourceExhaustedError: They are.

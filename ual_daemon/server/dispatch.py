@@ -81,14 +81,14 @@ class ServedMethod:
 
 
 class Register(Protocol):
-    """Registry of the answers under way (`ual_daemon.server.calls.Calls`)."""
+    """Registry of the answers in progress (`ual_daemon.server.calls.Calls`)."""
 
     standstill: Standstill
     motion_gate: MotionGate | None
     headroom: Headroom
 
     def join(self, answer: CallAnswer) -> None:
-        """Adds an answer that is under way. Raises `ResourceExhaustedError` where there are too many."""
+        """Adds an answer that is in progress. Raises `ResourceExhaustedError` where there are too many."""
         ...
 
     def leave(self, answer: CallAnswer) -> None:
@@ -104,7 +104,7 @@ class Register(Protocol):
         ...
 
     def require_room(self, method: str, who: Caller) -> None:
-        """Raises `ResourceExhaustedError` where too many calls of the method are under way for the caller."""
+        """Raises `ResourceExhaustedError` where too many calls of the method are in progress for the caller."""
         ...
 
     def require_accepted(self, call: ServedCall) -> None:

@@ -1,6 +1,6 @@
 """Plans paths on threads of their own, in bounded number, so that nothing that flies, serves or ends waits for a plan.
 
-A plan is pure computation in Python: each one that is under way takes a share of the interpreter from the flight. So
+A plan is pure computation in Python: each one that is in progress takes a share of the interpreter from the flight. So
 more than a few at once are refused, not queued. The threads do not keep the process alive: a shutdown does not wait for
 plans that nobody will fly.
 """
@@ -29,14 +29,14 @@ _computing = threading.Lock()
 
 
 class PlanFigures(NamedTuple):
-    """Plans under way, plans that have ended, and the sum of their durations in s, their wait included."""
+    """Plans in progress, plans that have ended, and the sum of their durations in s, their wait included."""
 
     running_count: int = 0
     ended_count: int = 0
     ended_s: float = 0.0
 
     def begun(self) -> PlanFigures:
-        """Returns the figures with one more under way."""
+        """Returns the figures with one more in progress."""
         return self._replace(running_count=self.running_count + 1)
 
     def ended(self, duration_s: float) -> PlanFigures:
@@ -61,7 +61,7 @@ class Planning:
         """Begins to plan. The future ends with the result of `plan`, or with its error; it cannot be cancelled.
 
         Raises:
-            ResourceExhaustedError: So many plans, or threads, are under way that this one has to be refused.
+            ResourceExhaustedError: So many plans, or threads, are in progress that this one has to be refused.
 
         """
         if not self._free.acquire(blocking=False):

@@ -57,7 +57,7 @@ _OPTIONS: Sequence[tuple[str, int]] = (
     ("grpc.http2.lookahead_bytes", 512),
     ("grpc.http2.bdp_probe", 0),
     # Calls of one connection that have not ended yet, those included that its caller has reset ("rapid reset"): what is
-    # beyond is refused by gRPC, before Python runs. More than the calls of one method that may be under way.
+    # beyond is refused by gRPC, before Python runs. More than the calls of one method that may be in progress.
     ("grpc.max_concurrent_streams", 128),
     # A client that connects has to show it: by a TLS handshake if there is one, and by HTTP/2's preface.
     ("grpc.server_handshake_timeout_ms", 20_000),

@@ -1,6 +1,6 @@
 """TLS credentials of the server, checked at start: gRPC accepts any bytes, and fails later with each connection.
 
-The files are read anew when they have changed, at the next handshake: a certificate is renewed without a restart.
+The files are read again when they have changed, at the next handshake: a certificate is renewed without a restart.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _log = logging.getLogger(__name__)
 
 def credentials(certificate: str | None, key: str | None, client_ca: str | None = None) -> MakeCredentials | None:
     """Returns what makes credentials from the PEM files of a certificate (chain) and its key, or None where neither is
-    given. Each address that is opened needs credentials of its own: gRPC takes those that are read anew only once.
+    given. Each address that is opened needs credentials of its own: gRPC takes those that are read again only once.
 
     With `client_ca`, PEM, callers have to show a certificate that this authority has signed.
 

@@ -44,7 +44,7 @@ class VehicleLogs:
         if offset < 0:
             raise validation.refuse("offset", f"{offset} is negative")
         with self._alone(log_id):
-            # Listed anew, as their numbers may have changed.
+            # Listed again, as their numbers may have changed.
             log = _chosen((yield offer.read_all()), log_id, offset)
             yield from _pieces(offer, log, offset)
 

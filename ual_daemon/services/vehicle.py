@@ -126,7 +126,7 @@ def require_disarmed(vehicle: ServedVehicle, command: str, what_then: str) -> No
     """Checks that the UAV is known to be disarmed. `what_then` says what to do.
 
     Raises:
-        LinkLostError: Nothing is heard that says so.
+        LinkLostError: Nothing is received that says so.
         WrongStateError: It is armed.
 
     """

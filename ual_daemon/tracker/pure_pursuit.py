@@ -59,7 +59,7 @@ class Pursuit(Reference):
         self.time_s = 0.0
         self._ahead = trajectory.at(0.0)
         is_moving = self._ahead.velocity.norm() * LOOK_AHEAD_S > LEAST_LOOK_AHEAD_M
-        self._ahead_s = LOOK_AHEAD_S if is_moving else 0.0  # else it would brake whenever a way is planned anew
+        self._ahead_s = LOOK_AHEAD_S if is_moving else 0.0  # else it would brake whenever a way is planned again
         self._updated_s = now_s
 
     @property

@@ -138,7 +138,7 @@ class TrajectoryReference(Reference):
         self._updated_s = now_s
         self._time = TimeScaling(trajectory)
         self._posed: tuple[Motion | None, Pose | None] = (None, None)
-        """The newest motion whose pose was asked for, and that pose. While it holds, the motion stays the same."""
+        """The newest motion whose pose was requested, and that pose. While it holds, the motion stays the same."""
         self.is_stopping = False
         """Whether it comes to rest on the trajectory as soon as the limits allow."""
 

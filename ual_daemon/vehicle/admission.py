@@ -13,7 +13,8 @@ def admit(flight: Flight, command: str, motion: Trajectory | Reference, snapshot
     """Checks a motion that is to begin now, and returns its plan.
 
     Raises:
-        WrongStateError: It may not replace the manoeuvre that is under way, or it is not known where the geofence lies.
+        WrongStateError: It may not replace the manoeuvre that is in progress, or it is not known where the geofence
+            lies.
         GeofenceError: It would leave the geofence.
 
     """

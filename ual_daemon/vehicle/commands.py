@@ -332,7 +332,8 @@ class Commands:
             accepted("abort", freeze=freeze, task_id=task_id or "any")
 
     def _waiting(self, task_id: str) -> VehicleTask | None:
-        """Returns the task that is under way, where UAL does not fly it yet: only that of an identifier, unless empty.
+        """Returns the task that is in progress, where UAL does not fly it yet: only that of an identifier, unless
+        empty.
 
         It waits on the ground or for the control, or the autopilot takes off in a mission.
         """
@@ -373,7 +374,7 @@ class Commands:
 
     def _require_stoppable(self, name: str, task_id: str, lease_id: str, *allowed: State) -> Snapshot:
         """Returns the snapshot in which what is flown may be stopped: a mission also without a position, while the
-        autopilot is heard.
+        autopilot is received.
         """
         try:
             return self._preconditions.require_state(name, lease_id, *allowed)
@@ -425,7 +426,7 @@ class Commands:
 
         Raises:
             WrongStateError: It is taking off or landing, which only the safety pilot can abort.
-            LinkLostError: The autopilot flies it by itself, and is not heard.
+            LinkLostError: The autopilot flies it by itself, and nothing is received from it.
 
         """
         if task.future.done():

@@ -1,4 +1,4 @@
-"""Plans of go-tos, paths and ways home: what is left of each can be planned anew."""
+"""Plans of go-tos, paths and ways home: what is left of each can be planned again."""
 
 from __future__ import annotations
 

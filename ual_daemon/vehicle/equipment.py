@@ -1,4 +1,4 @@
-"""The orders that are under way of what a UAV carries: one at a time for each device."""
+"""The orders that are in progress of what a UAV carries: one at a time for each device."""
 
 from __future__ import annotations
 
@@ -68,11 +68,11 @@ class PayloadEquipment:
     ) -> Future[None]:
         """Begins an order, which `text` describes for users. Cancelling the future withdraws it.
 
-        One that `holds` the load replaces the one that is under way. `require` raises where it may not begin: what ends
-        the lease after that withdraws it.
+        One that `holds` the load replaces the one that is in progress. `require` raises where it may not begin: what
+        ends the lease after that withdraws it.
 
         Raises:
-            WrongStateError: Another one is under way, and this one does not hold.
+            WrongStateError: Another one is in progress, and this one does not hold.
             UalError: As `require` and `begin`.
 
         """

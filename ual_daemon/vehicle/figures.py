@@ -15,7 +15,7 @@ class VehicleFigures(NamedTuple):
 
     Attributes:
         state: The state.
-        is_link_up: Whether the autopilot is heard.
+        is_link_up: Whether the autopilot is received.
         snapshot: The newest data of the autopilot.
         is_ours: Whether UAL flies the present flight.
         is_leased: Whether a program holds the lease.
@@ -38,7 +38,7 @@ class VehicleFigures(NamedTuple):
 
     @property
     def is_armed(self) -> bool:
-        """Whether the autopilot last said that it is armed: also while the link is lost, until it is heard again."""
+        """Whether the autopilot last said that it is armed: also while the link is lost, until it is received again."""
         armed = self.snapshot.control.armed
         return armed is not None and armed.value
 

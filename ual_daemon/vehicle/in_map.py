@@ -20,7 +20,7 @@ _LEVEL = 1e-6
 def geofence_in_map(geofence: policy.GeofencePolicy, resolver: FrameResolver, snapshot: Snapshot) -> Geofence:
     """Returns the geofence, the floor and the ceiling, and the limits of the autopilot's own fence, as one.
 
-    The zones of that fence are refused, but not told: the contract has one polygon and one circle.
+    The zones of that fence are refused, but not reported: the contract has one polygon and one circle.
 
     Raises:
         WrongStateError: It is not known where they lie.

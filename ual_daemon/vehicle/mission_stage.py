@@ -45,7 +45,7 @@ def estimated_stage(
         mode: The name of the mode in which it flies missions.
         flown: The mission that it flies as a task; None where there is none.
         last: The mission of UAL that it has, flown now or before; None where there was none.
-        brought: What UAL has brought last. What was told before is of another mission.
+        brought: What UAL has brought last. What was reported before is of another mission.
 
     """
     told, control = report.stage, snapshot.control
@@ -68,5 +68,5 @@ def estimated_stage(
     if is_complete or (last is not None and last.has_succeeded):
         return MissionStage.COMPLETE
     is_at_first = told is MissionStage.NOT_STARTED and report.item in (None, 1)  # ArduPilot tells no pause
-    is_new = is_at_first or not control.armed.value or not has_begun  # once disarmed both begin anew
+    is_new = is_at_first or not control.armed.value or not has_begun  # once disarmed both begin again
     return MissionStage.NOT_STARTED if is_new else MissionStage.PAUSED

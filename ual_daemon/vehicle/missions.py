@@ -40,7 +40,7 @@ _log = logging.getLogger(__name__)
 _ENDS_OF_DAEMON = ("shutdown", "close")
 _COMMANDED = "UAL was commanded anew"
 AGAIN_S = 1.0
-"""A mission that could not be read is asked for again after this."""
+"""A mission that could not be read is requested again after this."""
 _ASIDE_M = 10.0
 """Metres by which a mission's take-off may be off the UAV's position; satellite positions err by a few metres."""
 
@@ -77,7 +77,7 @@ class Missions:
         self.changes_count = 0
         """Changes of the autopilot's mission that were about to be sent."""
 
-    # --- What is asked for --------------------------------------------------------------------------------------------
+    # --- What is requested --------------------------------------------------------------------------------------------
 
     def plan(self, items: Sequence[Item], first: int = 1) -> MissionPlan:
         """Makes a dry run; see `MissionPlanner.plan`."""
@@ -95,7 +95,7 @@ class Missions:
         snapshot = self._backend.snapshot()
         mode, armed = snapshot.control.mode_name, snapshot.control.armed
         is_flown = offer is not None and mode and mode == offer.mode and armed is not None and armed.value
-        is_begun = isinstance(self._flight.manoeuvre, AutopilotMission)  # the autopilot may not be told yet
+        is_begun = isinstance(self._flight.manoeuvre, AutopilotMission)  # the autopilot may not be reported yet
         if is_flown or is_begun or (self._flight.is_on_mission and not self._flight.is_stopping_mission):
             text = f"{command}: the autopilot flies a mission now; stop it first (abort), or wait for its end"
             raise WrongStateError(text, {"command": command, "needed": "abort"})

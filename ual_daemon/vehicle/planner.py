@@ -191,7 +191,7 @@ class Planner:
             return self._follow(TaskKind.FOLLOW_PATH, what, course, snapshot, order, relies_on_home=relies_on_home)
 
     def _bounds(self, max_speed_m_s: float | None) -> Limits:
-        """Returns the limits of a flight to a goal: at the speed that was asked for, else at the autopilot's cruise."""
+        """Returns the limits of a flight to a goal: at the speed that was requested, else at the autopilot's cruise."""
         in_force = self._flight.limits
         return in_force.cruise() if max_speed_m_s is None else limits.at_most(in_force.planned(), max_speed_m_s)
 
@@ -335,7 +335,7 @@ class Planner:
     ) -> Prepared[VehicleTask]:
         """Prepares the task whose manoeuvre `make` makes to fly a trajectory.
 
-        Where it `relies_on_home`, that is asked for: it may be seconds old, and what is flown is then fitted to it.
+        Where it `relies_on_home`, that is requested: it may be seconds old, and what is flown is then fitted to it.
         """
         name = kind.name.lower()
 

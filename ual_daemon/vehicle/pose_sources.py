@@ -1,7 +1,7 @@
 """Sources of the external poses: detects steps of a source, and two sources at once.
 
-A step within what the gate passes is taken, as a vehicle may have been pushed; it is told. Poses that step to and fro,
-or callers that take turns, are two sources: the autopilot flies to a place between them, or to each in turn.
+A step within what the gate passes is taken, as a vehicle may have been pushed; it is reported. Poses that step to and
+fro, or callers that take turns, are two sources: the autopilot flies to a place between them, or to each in turn.
 """
 
 from __future__ import annotations

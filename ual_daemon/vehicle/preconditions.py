@@ -32,13 +32,13 @@ class Preconditions(RefusalLog):
 
         Raises:
             NotSupportedError: It has not.
-            LinkLostError: The autopilot is not heard, so its capabilities are not known.
+            LinkLostError: Nothing is received from the autopilot, so its capabilities are not known.
 
         """
         info = self._backend.info()
         if capability in info.capabilities:
             return
-        # Nothing is known of the capabilities of an autopilot that was not heard yet.
+        # Nothing is known of the capabilities of an autopilot that was not received yet.
         _require_link(command, self._flight.estimate(self._backend.snapshot()))
         if info.limitation:
             raise NotSupportedError(f"{command}: {info.limitation}", {"autopilot": info.autopilot})
@@ -90,7 +90,7 @@ class Preconditions(RefusalLog):
 
         Raises:
             WrongStateError: The safety pilot flies, the state is another one, or UAL is shutting down.
-            LinkLostError: The autopilot is not heard.
+            LinkLostError: Nothing is received from the autopilot.
             PermissionDeniedError: This daemon only watches.
 
         """
@@ -157,7 +157,7 @@ class Preconditions(RefusalLog):
 
         Raises:
             WrongStateError: The state is another one, or UAL is shutting down.
-            LinkLostError: The autopilot is not heard.
+            LinkLostError: Nothing is received from the autopilot.
             PermissionDeniedError: This daemon only watches.
             LeaseHeldError: Another program holds the lease.
             LeaseLostError: The lease of the command has ended.

@@ -236,5 +236,5 @@ def _is_unchanged(error: BaseException | None) -> bool:
 def _entry(values: dict[str, object]) -> UploadEntry:
     name, vehicle = str(values["list"]), str(values["vehicle"])
     began_s = float(str(values["began_s"]))
-    time.gmtime(began_s)  # what cannot be told is none
+    time.gmtime(began_s)  # what cannot be reported is none
     return UploadEntry(name, vehicle, int(str(values["items_count"])), began_s)

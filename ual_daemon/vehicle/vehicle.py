@@ -140,7 +140,8 @@ class Vehicle(ReportedVehicle):
     ) -> str:
         """Begins a lease, and returns its identifier, by which its holder gives each command.
 
-        What is under way is aborted, and the UAV holds its position. `lease_id` is the one that the caller has already.
+        What is in progress is aborted, and the UAV holds its position. `lease_id` is the one that the caller has
+        already.
 
         Raises:
             LeaseHeldError: Another program holds one, and it is not to be taken.
@@ -168,7 +169,7 @@ class Vehicle(ReportedVehicle):
         self._flight.lease.keep(lease_id)
 
     def release_lease(self, lease_id: str) -> None:
-        """Ends a lease: what is under way is aborted, and the UAV holds. Nothing happens if it has ended before."""
+        """Ends a lease: what is in progress is aborted, and the UAV holds. Nothing happens if it has ended before."""
         if self._flight.lease.release(lease_id):
             logs.event(_log, logging.INFO, "lease_ends", why="released")
             self._stop_for_lease("its program has released the lease")

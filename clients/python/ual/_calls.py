@@ -63,7 +63,7 @@ class Call(Generic[T]):
     """One call of the method `method` of a service.
 
     `quick_s` is the time limit where the caller gave none; None for calls that wait for the vehicle. `at_timeout` says
-    what becomes of what was asked for when the time is over.
+    what becomes of what was requested when the time is over.
     """
 
     service: str
@@ -77,7 +77,7 @@ class Call(Generic[T]):
 
 
 def traced(call: Call[Any]) -> AbstractContextManager[Metadata]:
-    """Traces a call, where the environment asks for it; see `ual.shared.tracing`. Returns the metadata for that."""
+    """Traces a call, where the environment requests it; see `ual.shared.tracing`. Returns the metadata for that."""
     tracing = of_environment()
     return _UNTRACED if tracing is None else tracing.calling(f"ual.v1.{call.service}", call.method)
 

@@ -1,4 +1,4 @@
-"""The client's channel to its daemon: opened when first needed, and anew when the daemon has moved."""
+"""The client's channel to its daemon: opened when first needed, and again when the daemon has moved."""
 
 from __future__ import annotations
 
@@ -225,8 +225,8 @@ class Connection:
             raise
 
     def abandon(self) -> None:
-        """Uses a new channel from now on. Ctrl-C amid gRPC's own steps can leave its channel locked: nothing is heard
-        on it any more, and to close it would wait forever.
+        """Uses a new channel from now on. Ctrl-C amid gRPC's own steps can leave its channel locked: nothing is
+        received on it any more, and to close it would wait forever.
         """
         with self._lock:
             self._abandoned += filter(None, [self._route])

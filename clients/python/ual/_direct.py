@@ -24,7 +24,7 @@ _NO_FLAGS = 0
 def sender(call: Any) -> Send | None:  # noqa: ANN401 (gRPC has no type for it)
     """Returns the function that sends a message in a streaming call, or None if this gRPC has no direct way.
 
-    An operation that is under way is entered in the call's `due`, as gRPC's own sending thread does it. Otherwise the
+    An operation that is in progress is entered in the call's `due`, as gRPC's own sending thread does it. Otherwise the
     thread that waits for the channel's events could end before the operation's event has come, and closing the channel
     would wait for that event forever.
     """

@@ -12,7 +12,7 @@ from ual.errors import ClientUnusableError, UalError
 
 
 class Forked(Protocol):
-    """Something that begins anew in a forked process."""
+    """Something that begins again in a forked process."""
 
     def begin_anew(self) -> None:
         """Leaves to the parent what is its own. Called in the child, before anything else runs there."""
@@ -22,7 +22,7 @@ _alive: weakref.WeakSet[Forked] = weakref.WeakSet()
 
 
 def renew_in_child(each: Forked) -> None:
-    """Lets an object begin anew in each process that is forked from now on, while the object lives."""
+    """Lets an object begin again in each process that is forked from now on, while the object lives."""
     _alive.add(each)
 
 

@@ -222,7 +222,7 @@ class _Stream:
         return self
 
     def __next__(self) -> Element:
-        if self._on_sent is not None:  # gRPC asks for the next one: the one before is sent
+        if self._on_sent is not None:  # gRPC requests the next one: the one before is sent
             self._on_sent()
         taken = self._iterated.get()
         if taken is None:

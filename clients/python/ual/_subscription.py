@@ -221,7 +221,7 @@ class _Feed:
             _log.warning("telemetry is not read while callbacks run: %s", error)
 
     def _read_and_call(self) -> None:
-        """Waits for the lead, reads a sample, hands over the lead, and calls back; again and again."""
+        """Waits for the lead, reads a sample, hands over the lead, and calls back; repeatedly."""
         while True:
             with self._lock:
                 if self._readers_count == _READERS_COUNT:  # replaced while this thread called back

@@ -93,11 +93,11 @@ class FollowedAddress(Protocol):
 
     @property
     def is_settled(self) -> bool:
-        """Whether the address can be asked for."""
+        """Whether the address can be requested."""
 
     @property
     def ns(self) -> str:
-        """Its name; where none was given, that of the only one, once `address` was asked for."""
+        """Its name; where none was given, that of the only one, once `address` was requested."""
 
     def address(self) -> str:
         """Returns where the UAV is now."""
@@ -154,7 +154,7 @@ class DaemonTarget:
 
     @property
     def is_settled(self) -> bool:
-        """Whether `address` can be asked for. Just after the network was joined, the UAV may not have been heard."""
+        """Whether `address` can be requested. Just after the network was joined, the UAV may not have been received."""
         return self._followed is None or self._followed.is_settled
 
     @property
@@ -168,7 +168,7 @@ class DaemonTarget:
             self._followed.close()
 
     def settle(self) -> None:
-        """Blocks until `address` can be asked for: up to 3 s after the network was joined."""
+        """Blocks until `address` can be requested: up to 3 s after the network was joined."""
         while not self.is_settled:
             time.sleep(SETTLING_S)
 

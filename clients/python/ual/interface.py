@@ -78,7 +78,7 @@ P = TypeVar("P")
 
 
 class Task(Protocol):
-    """A manoeuvre under way, or ended."""
+    """A manoeuvre in progress, or ended."""
 
     @property
     def id(self) -> str:
@@ -242,7 +242,7 @@ class Parameters(Protocol):
 
         Raises:
             InvalidArgumentError: It has none of this name.
-            LinkLostError: It is not heard.
+            LinkLostError: Nothing is received from it.
             UalTimeoutError: It has not answered. Not every autopilot says that it has none of a name.
 
         """
@@ -252,7 +252,7 @@ class Parameters(Protocol):
         """Returns all parameters, read from the autopilot now. That may take minutes over a slow link.
 
         Raises:
-            LinkLostError: It is not heard.
+            LinkLostError: Nothing is received from it.
             UalTimeoutError: Some have not come; the metadata `missing` says how many.
 
         """
@@ -272,7 +272,7 @@ class Parameters(Protocol):
             InvalidArgumentError: There is none of this name, or the value does not fit its type or its range.
             RejectedByAutopilotError: The autopilot has kept another value, which the metadata `kept` has.
             LeaseHeldError: Another program holds the lease.
-            LinkLostError: It is not heard.
+            LinkLostError: Nothing is received from it.
             UalTimeoutError: It has not answered: it is not known whether it was written.
 
         """
@@ -292,7 +292,7 @@ class Logs(Protocol):
 
         Raises:
             RejectedByAutopilotError: It gives none now, in its own words.
-            LinkLostError: It is not heard.
+            LinkLostError: Nothing is received from it.
             UalTimeoutError: It has not answered.
 
         """
@@ -307,9 +307,9 @@ class Logs(Protocol):
 
         Raises:
             InvalidArgumentError: There is no such log, or it ends before the offset.
-            ResourceExhaustedError: Another download is under way.
+            ResourceExhaustedError: Another download is in progress.
             RejectedByAutopilotError: The autopilot refuses it, or the log has become shorter.
-            LinkLostError: It is not heard.
+            LinkLostError: Nothing is received from it.
             UalTimeoutError: It has not answered.
 
         """
@@ -357,7 +357,7 @@ class Fence(Protocol):
         """Returns what the autopilot keeps, read from it now.
 
         Raises:
-            LinkLostError: It is not heard.
+            LinkLostError: Nothing is received from it.
             RejectedByAutopilotError: It refuses, or what it has is no fence.
             UalTimeoutError: It has not answered.
 
@@ -381,7 +381,7 @@ class Fence(Protocol):
             GeofenceError: The UAV is not where the fence lets it be.
             RejectedByAutopilotError: It refuses an item, or keeps another one.
             LeaseHeldError: Another program holds the lease.
-            LinkLostError: It is not heard.
+            LinkLostError: Nothing is received from it.
             UalTimeoutError: It has not answered: it is not known what it has now.
 
         """
@@ -397,7 +397,7 @@ class Fence(Protocol):
         Raises:
             WrongStateError: The UAV is armed, or that is not known.
             LeaseHeldError: Another program holds the lease.
-            LinkLostError: It is not heard.
+            LinkLostError: Nothing is received from it.
             UalTimeoutError: It has not answered: it is not known what it has now.
 
         """
@@ -410,7 +410,7 @@ class Fence(Protocol):
             WrongStateError: The UAV is armed, or that is not known. Or an upload of zones or rally points was cut off.
             LeaseHeldError: Another program holds the lease.
             RejectedByAutopilotError: It keeps another value of a parameter.
-            LinkLostError: It is not heard.
+            LinkLostError: Nothing is received from it.
             UalTimeoutError: It has not answered.
 
         """
@@ -423,7 +423,7 @@ class Fence(Protocol):
             WrongStateError: The UAV is armed, or that is not known.
             LeaseHeldError: Another program holds the lease.
             RejectedByAutopilotError: It keeps another value of a parameter.
-            LinkLostError: It is not heard.
+            LinkLostError: Nothing is received from it.
             UalTimeoutError: It has not answered.
 
         """
@@ -436,7 +436,7 @@ class Camera(Protocol):
     Raises:
         InvalidArgumentError: There is no camera of this number, or a value cannot be meant.
         NotSupportedError: It cannot do that.
-        LinkLostError: It is not heard.
+        LinkLostError: Nothing is received from it.
         RejectedByAutopilotError: It refuses, in its own words.
         UalTimeoutError: It does not answer. It is not known whether it did what it was asked.
 
@@ -515,7 +515,7 @@ class Cameras(Protocol):
     """
 
     def get_all(self) -> list[CameraInfo]:
-        """Returns all cameras that were found, also those that are not heard any more."""
+        """Returns all cameras that were found, including those from which nothing is received any more."""
         ...
 
     def __getitem__(self, number: int) -> Camera:
@@ -536,11 +536,11 @@ class Gripper(Protocol):
     Raises:
         InvalidArgumentError: The configuration has no such name, or a value is out of its bounds.
         NotSupportedError: The backend, or the autopilot, cannot do that.
-        WrongStateError: An order of the same device is under way.
+        WrongStateError: An order of the same device is in progress.
         TaskAbortedError: Another order has replaced it.
         LeaseHeldError: Another program holds the lease.
         RejectedByAutopilotError: It refuses, in its own words.
-        LinkLostError: It is not heard.
+        LinkLostError: Nothing is received from it.
         UalTimeoutError: It is not known whether it was obeyed: look before you order it again.
     """
 
@@ -641,7 +641,7 @@ class Gimbal(Protocol):
         InvalidArgumentError: There is no gimbal of this number, or an angle is beyond a limit of it, which is named.
         NotSupportedError: It cannot do that.
         WrongStateError: Another program on the link has the control of it.
-        LinkLostError: It is not heard.
+        LinkLostError: Nothing is received from it.
         RejectedByAutopilotError: It refuses, in its own words.
         UalTimeoutError: It does not answer. It is not known whether it did what it was ordered.
 
@@ -718,7 +718,7 @@ class Gimbals(Protocol):
     """
 
     def get_all(self) -> list[GimbalInfo]:
-        """Returns all gimbals that were found, also those that are not heard any more."""
+        """Returns all gimbals that were found, including those from which nothing is received any more."""
         ...
 
     def __getitem__(self, number: int) -> Gimbal:
@@ -761,7 +761,7 @@ class Mission(Protocol):
             WrongStateError: The autopilot flies a mission now.
             RejectedByAutopilotError: It keeps another one.
             LeaseHeldError: Another program holds the lease.
-            LinkLostError: It is not heard.
+            LinkLostError: Nothing is received from it.
             UalTimeoutError: It has not answered: download what it has now.
 
         """
@@ -771,7 +771,7 @@ class Mission(Protocol):
         """Returns the mission that the autopilot has, read now, whichever program uploaded it.
 
         Raises:
-            LinkLostError: It is not heard.
+            LinkLostError: Nothing is received from it.
             UalTimeoutError: It has not answered.
 
         """
@@ -784,7 +784,7 @@ class Mission(Protocol):
             WrongStateError: The autopilot flies a mission now.
             RejectedByAutopilotError: It keeps it.
             LeaseHeldError: Another program holds the lease.
-            LinkLostError: It is not heard.
+            LinkLostError: Nothing is received from it.
             UalTimeoutError: It has not answered: download what it has now.
 
         """
@@ -807,7 +807,7 @@ class Mission(Protocol):
             InvalidArgumentError: It has an item that UAL does not know; the metadata `item` names it.
             GeofenceError: As `plan`.
             LeaseHeldError: Another program holds the lease.
-            LinkLostError: The autopilot is not heard.
+            LinkLostError: Nothing is received from the autopilot.
             UalTimeoutError: It has not answered.
 
         """
@@ -1144,7 +1144,7 @@ class Lease(ABC):
     """The lease of a UAV: while it is held, no other program flies it. It ends at `release`, or with its ``with``.
 
     It also ends if the program dies or hangs for 2 s, and if a commander takes it. Whenever a lease begins or ends,
-    what is under way is aborted, and the UAV holds its position; only a take-off or a landing goes on.
+    what is in progress is aborted, and the UAV holds its position; only a take-off or a landing goes on.
     """
 
     @property

@@ -155,4 +155,4 @@ callers.
 Setpoint = PoseStamped | TwistStamped
 """A reference that is sent as it is: `set_pose` and `set_velocity`."""
 MotionRequest = TaskRequest | RecoverFromManualRequest | Setpoint
-"""Whatever moves the UAV, and so can be asked for as a dry run."""
+"""Whatever moves the UAV, and so can be requested as a dry run."""

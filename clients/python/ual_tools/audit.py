@@ -26,7 +26,7 @@ def verify(session: CommandSession, file: Path, head: str | None) -> None:
     """Check that no line was changed or removed.
 
     Lines that were added or swapped are found, too.
-    A program that can write the file can also compute all hashes anew, or cut lines off its end: only --head finds
+    A program that can write the file can also compute all hashes again, or cut lines off its end: only --head finds
         that.
     """
     try:

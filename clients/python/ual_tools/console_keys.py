@@ -11,7 +11,7 @@ from typing_extensions import override
 from ual_tools.keys import TerminalKeys
 
 _POLL_S = 0.005
-"""A console cannot be waited for: it has to be asked again and again."""
+"""A console cannot be waited for: it has to be asked repeatedly."""
 _SPECIAL = ("\x00", "\xe0")
 """Characters that precede the code of a key that is no character."""
 _SEQUENCES = {

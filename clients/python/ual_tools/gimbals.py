@@ -66,7 +66,7 @@ def status(session: CommandSession, gimbal_number: int) -> None:
 @_gimbal
 @pass_session
 def watch(session: CommandSession, rate: str, gimbal_number: int) -> None:
-    """Print where a gimbal looks, again and again, until Ctrl-C."""
+    """Print where a gimbal looks, repeatedly, until Ctrl-C."""
     with session.connect() as uav:
         for found in uav.gimbals[gimbal_number].watch(number(rate)):
             session.emit(found, _status_text(found))

@@ -105,7 +105,7 @@ def _print_worst_first(runs: Sequence[_UavRun], session: CommandSession) -> None
 
 
 def _stop(runs: Sequence[_UavRun]) -> None:
-    """Stops all at once; what each of them does then is told by its own line."""
+    """Stops all at once; what each of them does then is reported by its own line."""
     stopping = [threading.Thread(target=run.stop, daemon=True) for run in runs if run.thread.is_alive()]
     for thread in stopping:
         thread.start()

@@ -87,7 +87,7 @@ def _next(text: str, begin_s: float) -> str:
 def wait_until(utc_s: float, tell: Callable[[str], None] = _tell_no_one) -> None:
     """Blocks until a time of the computer's clock, in seconds since the epoch.
 
-    A long wait is told at its beginning, and each time when half of the rest has passed.
+    A long wait is reported at its beginning, and each time when half of the rest has passed.
     """
     never = threading.Event()
     told_s = math.inf

@@ -34,7 +34,7 @@ def all_subscribed(session: CommandSession, board: Board, rate_hz: float, *, is_
 
 @contextmanager
 def kept_up_to_date(roster: WatchRoster) -> Iterator[None]:
-    """Looks for daemons that appear or end, again and again, while the block runs. Then it closes the roster."""
+    """Looks for daemons that appear or end, repeatedly, while the block runs. Then it closes the roster."""
     roster.update()
     is_closing, guard = threading.Event(), WorkGuard("roster")
 

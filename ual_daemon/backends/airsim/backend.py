@@ -88,7 +88,7 @@ class AirsimBackend(EngineBackend[AirsimRequest]):
         return RpcConnection(address)
 
     def _wall_s(self) -> float:
-        """The clock of this computer, by which silences and pauses are judged."""
+        """The clock of this computer, by which silences and pauses are assessed."""
         return time.monotonic()
 
     # --- The backend --------------------------------------------------------------------------------------------------
@@ -218,7 +218,7 @@ class AirsimBackend(EngineBackend[AirsimRequest]):
     # --- On the loop's thread -----------------------------------------------------------------------------------------
 
     def _on_connect(self, has_booted: bool) -> None:
-        """Has the other connections made anew, as the link's was: the old ones are lost as well."""
+        """Has the other connections made again, as the link's was: the old ones are lost as well."""
         self._session.on_connect(has_booted)
         self._sender.disconnect()
         assert self._link.simulator is not None

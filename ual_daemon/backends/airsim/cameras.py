@@ -149,7 +149,7 @@ class AirsimCamera(CameraDriver):
 
     @override
     def stop_photos(self) -> Future[None]:
-        with self._lock:  # also of a simulator that is not heard
+        with self._lock:  # also of a simulator that is not received
             self._set(None, None)
         return done(None)
 
@@ -168,7 +168,7 @@ class AirsimCamera(CameraDriver):
         self._due.take(due_count)
 
     def end_boot(self) -> None:
-        """Takes that the simulator was started anew: nothing is under way any more."""
+        """Takes that the simulator was started again: nothing is in progress any more."""
         with self._lock:
             if self._by_time is not None or self._by_distance is not None:
                 _log.warning("camera %d takes no more pictures: the simulator was started anew", self._number)

@@ -38,7 +38,7 @@ class SimulatorClock(Clock):
         with self._lock:
             now_s = self._now_s + self._silence_s()
             step_s = 0.0 if self._simulated_s is None else simulated_s - self._simulated_s
-            if 0.0 <= step_s <= _LONGEST_STEP_S:  # else the simulator was started anew
+            if 0.0 <= step_s <= _LONGEST_STEP_S:  # else the simulator was started again
                 now_s = max(now_s, self._now_s + step_s)
             self._simulated_s, self._now_s, self._answered_wall_s = simulated_s, now_s, self._wall_s()
             return now_s

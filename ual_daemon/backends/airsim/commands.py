@@ -118,7 +118,7 @@ class AirsimCommandQueue:
         return None
 
     def _lost(self, error: Exception) -> LinkLostError:
-        """Makes the connection anew: the answer is lost, and the command may have been executed."""
+        """Makes the connection again: the answer is lost, and the command may have been executed."""
         self.disconnect()
         why = str(error) or repr(error)
         if not self._is_closed:

@@ -1,4 +1,4 @@
-"""Reads the vehicle's state again and again, and reconnects for ever."""
+"""Reads the vehicle's state repeatedly, and reconnects for ever."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _log = logging.getLogger(__name__)
 
 _RETRY_S = 0.1
 _GIVE_UP_S = 3.0
-"""Seconds without an answer after which a connection is made anew."""
+"""Seconds without an answer after which a connection is made again."""
 _CALL_S = 2.0
 _QUESTIONS: tuple[tuple[type, str], ...] = (
     (MultirotorState, "getMultirotorState"),
@@ -78,7 +78,7 @@ class SimulatorLink:
         self._number: int | None = None
         """The question that is unanswered."""
         self._questions = _QUESTIONS
-        """Questions of the poll under way."""
+        """Questions of the poll in progress."""
         self._answers: list[Any] = []
         self._polls_count = 0
         self._polls_per_collision = max(1, round(_COLLISION_S * rate_hz))
@@ -119,7 +119,7 @@ class SimulatorLink:
         return None
 
     def discard(self) -> None:
-        """Has the poll that is under way reported no more: it was begun before a pause of this computer."""
+        """Has the poll that is in progress reported no more: it was begun before a pause of this computer."""
         self._is_old = self._number is not None
 
     def lose(self, error: Exception) -> None:
@@ -162,7 +162,7 @@ class SimulatorLink:
         return None
 
     def _next_questions(self) -> tuple[tuple[type, str], ...]:
-        """Returns what the next poll asks; the first one asks for the collision, too."""
+        """Returns what the next poll asks; the first one requests the collision, too."""
         asks_collision = self._polls_count % self._polls_per_collision == 0
         self._polls_count += 1
         return (*_QUESTIONS, _COLLISION) if asks_collision else _QUESTIONS
@@ -212,7 +212,7 @@ class SimulatorLink:
             self.why_not = ""  # nobody answers: what was said of the vehicle is old
         elif isinstance(error, (RemoteError, WrongVehicleError)):
             self._say_why_not(why)
-        elif not self.is_up:  # one damaged answer in flight is no reason yet: the connection is made anew
+        elif not self.is_up:  # one damaged answer in flight is no reason yet: the connection is made again
             whose = "its answers are not those of AirSim" if isinstance(error, ValueError) else "a defect of UAL"
             self._say_why_not(f"{whose}: {why}")
         if self.is_up and not self._is_closing:

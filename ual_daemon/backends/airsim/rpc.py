@@ -56,7 +56,7 @@ class RemoteError(Exception):
 
 
 class RpcConnection:
-    """One connection, for one thread. Requests may overlap; an answer is told by the number of its request."""
+    """One connection, for one thread. Requests may overlap; an answer is reported by the number of its request."""
 
     def __init__(self, address: AirsimAddress, longest_bytes: int = _LONGEST_MESSAGE_BYTES) -> None:
         """Connects. An answer that is longer than `longest_bytes` ends the connection.

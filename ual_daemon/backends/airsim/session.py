@@ -116,7 +116,7 @@ class AirsimSession:
 
     @property
     def is_on_ground(self) -> bool:
-        """Whether it stands on the ground, as far as it is heard."""
+        """Whether it stands on the ground, as far as it is received."""
         report = self.report
         return report is not None and report.is_on_ground(self._mass_kg)
 

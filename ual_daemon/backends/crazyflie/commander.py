@@ -5,7 +5,7 @@ itself, to a place or to the ground, and needs nobody. It takes over in two step
 it has answered, the firmware is notified that setpoints stop. The other way round the motors would stop if the goal
 were lost. A setpoint ends what the high-level commander does, so none is sent meanwhile.
 
-Where no answer comes, the motors would stop. Then setpoints go on for a while, and the goal is sent anew. For a hover
+Where no answer comes, the motors would stop. Then setpoints go on for a while, and the goal is sent again. For a hover
 that no command asked for, these are the setpoints of the layers above. For a hold, a landing, and a hover because
 setpoints are missing, it is one that keeps it where it is.
 """
@@ -42,7 +42,7 @@ NOTIFICATIONS = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.26, 0.32, 0.39, 0.46, 0.53, 
 many get through also where most are lost, or a link is down for half a second. The firmware waits for 2 s.
 """
 AGAIN_COUNT = 5
-"""Notifications with which a goal is sent once more. Each time its flight begins anew, so not with all."""
+"""Notifications with which a goal is sent once more. Each time its flight begins again, so not with all."""
 NOTIFY_AGAIN_S = 0.2
 SILENCE_S = 0.3
 """Seconds without a setpoint in the air after which the high-level commander takes over, whatever the reason."""
@@ -71,7 +71,7 @@ MODES = {
 
 
 def _nothing(refusal: str) -> None:
-    """A hover that was not asked for ends without a word."""
+    """A hover that was not requested ends without a word."""
 
 
 @dataclass(slots=True)
@@ -269,7 +269,7 @@ class Commander:
         return [self.encoder.encode(handover.stays)]
 
     def _begin_to_ask(self, now_s: float) -> _Handover | None:
-        """Returns the handover that is to be asked for now. Called with the lock held.
+        """Returns the handover that is to be requested now. Called with the lock held.
 
         A setpoint that is being sent leaves first: it would end the flight of the high-level commander.
         """

@@ -220,7 +220,7 @@ class CflibLink(CrtpLink):
 
         try:
             driver.send_packet(CRTPPacket(packet.encode()[0], packet.data))
-        except Exception as error:  # noqa: BLE001  USB errors of several libraries; the link is opened anew
+        except Exception as error:  # noqa: BLE001  USB errors of several libraries; the link is opened again
             self._on_error(str(error) or repr(error))
 
     def _on_error(self, text: str) -> None:

@@ -131,7 +131,7 @@ def block_of(data: bytes) -> int:
 
 
 def milliseconds(data: bytes) -> int:
-    """Returns the firmware's time in a packet of values; it begins anew after 2^24 ms."""
+    """Returns the firmware's time in a packet of values; it begins again after 2^24 ms."""
     return int.from_bytes(data[1:HEADER], "little")
 
 

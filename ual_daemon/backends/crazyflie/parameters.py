@@ -1,4 +1,4 @@
-"""The firmware's parameters: what any thread asks for goes to the engine's thread."""
+"""The firmware's parameters: what any thread requests goes to the engine's thread."""
 
 from __future__ import annotations
 

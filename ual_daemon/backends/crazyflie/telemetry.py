@@ -31,7 +31,7 @@ REST_S = 0.3
 """With its motors off and at rest for this long it stands on the ground: the supervisor says "flying" for 2 s more."""
 REST_M_S = 0.15
 HEARD_S = 0.5
-"""While it was heard within this time, what is missing of the connection is the reason of the state."""
+"""While it was received within this time, what is missing of the connection is the reason of the state."""
 _WRAP_MS = 1 << 24
 _LATE_MS = 5000
 """A packet of values that is older than the last one by less than this came late."""
@@ -54,7 +54,7 @@ _VARIANCES = ("kalman.varPX", "kalman.varPY", "kalman.varPZ")
 
 
 class BoardTime:
-    """The firmware's milliseconds, which begin anew after 2^24, as seconds since it booted."""
+    """The firmware's milliseconds, which begin again after 2^24, as seconds since it booted."""
 
     def __init__(self) -> None:
         self._last_ms: int | None = None
@@ -199,7 +199,7 @@ class CrazyflieTelemetry:
 
     @property
     def begins_anew(self) -> bool:
-        """Whether its local frame may begin anew when it boots: with a flow deck, which knows no place.
+        """Whether its local frame may begin again when it boots: with a flow deck, which knows no place.
 
         Another deck beside it does not show that there is a position from outside: its base stations may be off.
         """

@@ -27,7 +27,7 @@ class ValuesReader:
         """Whether it has booted since the last time; the caller sets it back."""
 
     def use(self, blocks: tuple[Block, ...]) -> None:
-        """Reads these blocks from now on, which were made anew: the firmware may have booted.
+        """Reads these blocks from now on, which were made again: the firmware may have booted.
 
         The first is that of the motion.
         """

@@ -12,7 +12,7 @@ _SPEED_M_S = 1.0
 """The firmware's default, where it does not say its own."""
 _PID = (0, 1)
 _PID_SHARE = 0.8
-"""The part of its own largest velocity that the PID controller is asked for: it corrects with the rest."""
+"""The part of its own largest velocity that the PID controller is requested: it corrects with the rest."""
 _CLEARANCE_M = 0.1
 """It weighs 30 g, and flies at 0.3 m in most programs for it."""
 _HORIZONTAL_M_S2, _VERTICAL_M_S2 = 1.5, 1.0

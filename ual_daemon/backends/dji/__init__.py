@@ -4,7 +4,7 @@ It has not flown a real aircraft yet. The modules, from the top down (a contract
 
 - ``backend``: the interface that the layers above call
 - ``session``: the exchange with one aircraft: what comes, what is called, what is confirmed
-- ``landing``: landings that were asked for, and are confirmed
+- ``landing``: landings that were requested, and are confirmed
 - ``commands``: commands as calls of services, and their answers
 - ``discovery``: which wrapper there is, by its services
 - ``telemetry``: from messages to snapshots

@@ -43,8 +43,8 @@ class DjiAuthority:
         self._sent_s = self._lifted_s = self._idle_followed_s = None
 
     def note_silence(self) -> None:
-        """Notes that nothing was heard for a moment. In the air the pilot may have taken over: with authority that has
-        not shown yet, P_GPS looks the same.
+        """Notes that nothing was received for a moment. In the air the pilot may have taken over: with authority that
+        has not shown yet, P_GPS looks the same.
         """
         if self._is_in_air and not self._has_followed and not self._is_taking_off:
             self._is_granted = False
@@ -108,7 +108,7 @@ class DjiAuthority:
 
 
 class Holding:
-    """Whether authority was asked for here, and was not seen lost since: the end of the daemon then releases it."""
+    """Whether authority was requested here, and was not seen lost since: the end of the daemon then releases it."""
 
     def __init__(self) -> None:
         self.is_held = self.is_granted = False
@@ -116,7 +116,7 @@ class Holding:
         self._was_seen = False
 
     def ask(self, now_s: float) -> None:
-        """Notes that it is asked for. Without an answer it counts as obtained."""
+        """Notes that it is requested. Without an answer it counts as obtained."""
         self.is_held, self.is_granted, self._was_seen, self.asked_s = True, False, False, now_s
 
     def drop(self) -> None:

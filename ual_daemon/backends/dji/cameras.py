@@ -289,7 +289,7 @@ class DjiCameras(CameraDrivers):
         return self._cameras
 
     def tick(self, now_s: float) -> None:
-        """Looks at one port that is due. One call is under way at a time."""
+        """Looks at one port that is due. One call is in progress at a time."""
         if now_s < self._due_s:
             return
         is_asking = self._asked is not None and not self._asked.done()
@@ -342,7 +342,7 @@ def _explained(error: BaseException, camera: int, doubt: str) -> BaseException:
 
 
 def _unless_refused(error: BaseException) -> Future[Message]:
-    """Some cameras do not tell everything: that is not told on."""
+    """Some cameras do not tell everything: that is not passed on."""
     if isinstance(error, RejectedByAutopilotError):
         return done({})
     raise error

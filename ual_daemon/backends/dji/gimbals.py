@@ -64,7 +64,7 @@ _PROBLEMS = {
 
 
 class _ReportedAngles(NamedTuple):
-    """Angles that were told, and when."""
+    """Angles that were reported, and when."""
 
     orientation: Quaternion
     time_s: float
@@ -115,7 +115,7 @@ class DjiGimbal(FindableGimbal):
         self._lock = threading.Lock()
         self._told: _ReportedAngles | None = None
         self._is_mounted: bool | None = None
-        """None while its status was not told."""
+        """None while its status was not reported."""
         self._first_s: float | None = None
         self._problems: tuple[str, ...] = ()
         self._from_nose: _FromNose | None = None

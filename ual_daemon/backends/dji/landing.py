@@ -1,4 +1,4 @@
-"""Landings that were asked for here: near the ground the aircraft waits for their confirmation."""
+"""Landings that were requested here: near the ground the aircraft waits for their confirmation."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ from ual_daemon.backends.values import Snapshot, VelocitySetpoint
 _log = logging.getLogger(__name__)
 
 _SILENCE_S = 5.0
-"""Seconds of silence after which a topic is subscribed to anew."""
+"""Seconds of silence after which a topic is subscribed to again."""
 _MOST_MISSING = 3
 """More topics are not named at once."""
 _CONFIRM_AGAIN_S = 1.0
@@ -153,7 +153,7 @@ class DjiSession:
         wrapper = self._discovery.find(now_s)
         if wrapper is not None:
             telemetry = DjiTelemetry(wrapper, self._settings)
-            self._subscribe(wrapper, telemetry)  # raises OSError where the connection breaks: it is found anew then
+            self._subscribe(wrapper, telemetry)  # raises OSError where the connection breaks: it is found again then
             self.telemetry = telemetry
 
     def _subscribe(self, wrapper: Wrapper, telemetry: DjiTelemetry) -> None:
@@ -313,11 +313,11 @@ class DjiSession:
     # --- Landings by the aircraft itself ------------------------------------------------------------------------------
 
     def begin_landing(self) -> None:
-        """Notes a landing that was accepted. Where it was refused, one that is under way goes on."""
+        """Notes a landing that was accepted. Where it was refused, one that is in progress goes on."""
         self._landing = LandingRequest(self._clock.now_s())
 
     def end_landing(self) -> None:
-        """Forgets a landing that was asked for: it is not confirmed any more."""
+        """Forgets a landing that was requested: it is not confirmed any more."""
         self._landing = None
         self._confirmation.cancel()
 
@@ -335,7 +335,7 @@ class DjiSession:
             logs.event(_log, logging.WARNING, "landing_given_up", why=_GIVEN_UP)
 
     def _confirm_landing(self, telemetry: DjiTelemetry, now_s: float) -> None:
-        """Confirms a landing that was asked for: near the ground the aircraft waits for that."""
+        """Confirms a landing that was requested: near the ground the aircraft waits for that."""
         landing, call = self._landing, telemetry.wrapper.confirm_landing
         if landing is None:
             return

@@ -1,7 +1,7 @@
 """The autopilot's time since boot, and whether it has rebooted: believed only when several messages agree.
 
 Any frame of the autopilot's system may carry any time: a damaged one, or a forged one where messages are not signed.
-A reboot that is believed discards parameters and places and requests everything anew, so single frames must not do it.
+A reboot that is believed discards parameters and places and requests everything again, so single frames must not do it.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ SHORTEST_BOOT_S = 2.0
 LEAP_S = 5.0
 """A time that leaps ahead by no more may be of the present boot: what came between was lost in a full buffer."""
 WRAP_S = (1 << 32) / 1000.0
-"""Seconds, 49.7 days, after which MAVLink's milliseconds since boot begin anew. A UAV in a dock may never be switched
+"""Seconds, 49.7 days, after which MAVLink's milliseconds since boot begin again. A UAV in a dock may never be switched
 off.
 """
 _FASTEST = 50.0
@@ -100,7 +100,7 @@ class BootTime:
 
 
 def has_wrapped(old_boot_s: float, boot_s: float) -> bool:
-    """Returns whether a time since boot is so much smaller than one before it that it may have begun anew."""
+    """Returns whether a time since boot is so much smaller than one before it that it may have begun again."""
     return old_boot_s - boot_s > WRAP_S / 2
 
 

@@ -2,8 +2,8 @@
 
 The rules of the pilot stand here once, for all backends, in `CommandRunner._hindrance` and `_judge_modes`:
 
-- never first nor again into a silence; after one for the first time only, once what it changes was heard anew;
-- never over a mode that others chose since it was asked for;
+- never first nor again into a silence; after one for the first time only, once what it changes was received again;
+- never over a mode that others chose since it was requested;
 - never after it was withdrawn, which is cancelling its future;
 - never when it may be executed late: by a bridge that is held up, or by a thread of ours that did not run;
 - never an arming in a mode in which the autopilot would begin a flight by itself;
@@ -115,7 +115,7 @@ class _PendingCommand(Generic[R]):
 
 
 class CommandRunner(Generic[R]):
-    """The commands under way to one autopilot. Not thread-safe: belongs to the thread of the loop.
+    """The commands in progress to one autopilot. Not thread-safe: belongs to the thread of the loop.
 
     Args:
         name: The autopilot's, for errors.
@@ -155,9 +155,9 @@ class CommandRunner(Generic[R]):
         self._last: tuple[Command[R], float] | None = None
         """The newest command that leads to a mode, and when that was sent."""
         self._due_s = -math.inf
-        """Before this time nothing is due by itself: only requests for data are under way, or nothing is."""
+        """Before this time nothing is due by itself: only requests for data are in progress, or nothing is."""
 
-    # --- What is asked for --------------------------------------------------------------------------------------------
+    # --- What is requested --------------------------------------------------------------------------------------------
 
     def submit(
         self, command: Command[R], now_s: float, result: Future[None] | None = None, asked: CommandContext | None = None
@@ -182,7 +182,7 @@ class CommandRunner(Generic[R]):
         if command.group == FLYING:
             self._note_modes(pending, asked.mode, now_s)
         if command.group:
-            # The replaced command's future stays open: what the vehicle does is judged by its state.
+            # The replaced command's future stays open: what the vehicle does is assessed by its state.
             self._drop(lambda other: other.command.group == command.group, now_s)
         self._waiting.append(pending)
         self._judge_modes(now_s)
@@ -234,7 +234,7 @@ class CommandRunner(Generic[R]):
                 pending.texts.append(text)
 
     def on_state(self, now_s: float) -> None:
-        """Notes that the vehicle's mode, or whether it is armed, was heard anew: no such change may be missed."""
+        """Notes that the vehicle's mode, or whether it is armed, was received again: no such change may be missed."""
         if not (self._waiting or self._in_flight):
             return
         self._judge_modes(now_s)
@@ -370,7 +370,7 @@ class CommandRunner(Generic[R]):
                 self._overtake(pending, mode.value.name, now_s)
 
     def _overtake(self, pending: _PendingCommand[R], mode: str, now_s: float) -> None:
-        """Ends a command because of a mode of others. What one that was sent does, is judged by the vehicle's state."""
+        """Ends a command because of a mode of others. The effect of a sent one is assessed by the vehicle's state."""
         what = pending.command.what
         if pending.sends_count:
             late = "" if pending.accepts_count or pending.refusal else ", and may still be executed"
@@ -458,7 +458,7 @@ class CommandRunner(Generic[R]):
                 self._end(pending, now_s)
 
     def _give_up_missed(self, pending: _PendingCommand[R], now_s: float) -> None:
-        """Ends a command that must not be sent again after a silence, once what it changes was heard without it."""
+        """Ends a command that must not be sent again after a silence, once what it changes was received without it."""
         if now_s - pending.sent_s >= EFFECT_S and not self._unknown(pending, self._snapshot(now_s), now_s):
             text = f"{self._name} has not answered the command to {pending.command.what}, which is not sent again"
             self._fail(pending, now_s, UalTimeoutError(f"{text} after a silence: others may have acted in it"))

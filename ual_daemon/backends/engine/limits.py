@@ -8,7 +8,7 @@ from __future__ import annotations
 
 SILENT_S = 0.25
 """A silence, or a time in which our thread did not look, of this length: the safety pilot may have taken over in it. No
-command leaves, neither first nor again, until what it changes was heard anew. Setpoints stop after the same time
+command leaves, neither first nor again, until what it changes was received again. Setpoints stop after the same time
 (`ual_daemon.flight.setpoint_sender`). Where data come more slowly, a command leaves with one of them."""
 CATCH_UP_S = 0.1
 """After such a time of not looking, what waited unread is read within this time."""
@@ -19,10 +19,10 @@ and is discarded. PX4 may have left OFFBOARD meanwhile, and a setpoint would tak
 SHOWN_S = 2.0
 """After a pause the autopilot is not blamed for this long for what is missing."""
 ANEW_S = 3.0
-"""After a silence of this length everything is requested anew: the autopilot may have booted, or be another one."""
+"""After a silence of this length everything is requested again: the autopilot may have booted, or be another one."""
 UNSENT_S = 4.5
 """Seconds after which a command that could not leave is dropped. Shorter than `COMMAND_PATIENCE_S` of
-`ual_daemon.flight`, so that the reason is told.
+`ual_daemon.flight`, so that the reason is reported.
 """
 NOT_YET_S = 2.0
 """Seconds for which a command waits that lacks something of the autopilot's (the position of home)."""

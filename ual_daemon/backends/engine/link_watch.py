@@ -37,7 +37,7 @@ class LinkWatch:
 
     `lost_s` is after how long a silence the link counts as lost; it may be changed. `on_lost` is called before the
     first message after such a silence is taken: it discards all that may have changed. `on_anew` is called where the
-    silence was so long that everything must be requested anew.
+    silence was so long that everything must be requested again.
     """
 
     def __init__(
@@ -124,11 +124,11 @@ class LinkWatch:
         return self._boot_time.boot_s
 
     def is_silent(self, now_s: float, for_s: float) -> bool:
-        """Returns whether it was heard once, and not for so long by now."""
+        """Returns whether it was received once, and not for so long by now."""
         return self.heard_s is not None and now_s - self.heard_s > for_s
 
     def is_up(self, now_s: float) -> bool:
-        """Returns whether it was heard so lately that setpoints and commands make sense. From any thread."""
+        """Returns whether it was received so lately that setpoints and commands make sense. From any thread."""
         return self.heard_s is not None and now_s - self.heard_s <= self.lost_s
 
     def report(self) -> LinkReport:

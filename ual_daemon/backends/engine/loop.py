@@ -69,7 +69,7 @@ class Loop:
     The thread waits for data by itself. In each round it calls `woke`, has the data taken, and calls `step`. A thread
     with many vehicles does so for each of them.
 
-    `wake` ends the thread's wait early. `watched_s` is the clock by which pauses of this computer are judged: that of
+    `wake` ends the thread's wait early. `watched_s` is the clock by which pauses of this computer are assessed: that of
     the backend, unless its time may leap (a simulation). `settle` does what waited until a pose was published, where
     nothing else is due so soon after a pose; without it `Driven.tick` does.
     """
@@ -125,7 +125,7 @@ class Loop:
     # --- On the thread ------------------------------------------------------------------------------------------------
 
     def restart(self, now_s: float) -> None:
-        """Begins anew, as if it had looked just now: at the start, and after a defect."""
+        """Begins again, as if it had looked just now: at the start, and after a defect."""
         self.looked_s = now_s
         """Up to when all that came has been read (`Snapshot.updated_s`), on the backend's clock."""
         self._gap.woke_s = now_s if self._watched_s is None else self._watched_s()
@@ -201,10 +201,10 @@ class Loop:
 
 
 class LoopThread:
-    """Runs a loop on a thread of its own until it is closed. A defect does not end it: the link is opened anew.
+    """Runs a loop on a thread of its own until it is closed. A defect does not end it: the link is opened again.
 
     `receive` waits for data for so long at most, in seconds, and has the loop woken and stepped. `on_defect` opens the
-    link anew and discards what was known. `on_end` is called at the end, on the thread.
+    link again and discards what was known. `on_end` is called at the end, on the thread.
     """
 
     def __init__(

@@ -42,7 +42,7 @@ class PictureWorker:
         return made
 
     def close(self) -> None:
-        """Ends the thread, once the picture under way is made. Those that wait are cancelled."""
+        """Ends the thread, once the picture in progress is made. Those that wait are cancelled."""
         with self._lock:
             executor, self._executor, self._is_closed = self._executor, None, True
         if executor is not None:

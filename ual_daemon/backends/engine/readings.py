@@ -97,7 +97,7 @@ class Reading(Generic[T]):
         self.sample = self._unknown
 
     def forget_order(self) -> None:
-        """Forgets the order, too, as a new boot counts anew."""
+        """Forgets the order, too, as a new boot counts again."""
         self._order = self._received_s = -math.inf
 
 

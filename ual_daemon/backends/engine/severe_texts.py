@@ -5,7 +5,7 @@ from __future__ import annotations
 from ual_daemon.backends.values import SevereText
 
 SEVERE = 2
-"""The least urgent severity that is told (MAV_SEVERITY_CRITICAL); lower numbers are worse."""
+"""The least urgent severity that is reported (MAV_SEVERITY_CRITICAL); lower numbers are worse."""
 TEXT_S = 30.0
 """Seconds for which a text is reported that does not come again."""
 _MOST_TEXTS = 8
@@ -24,7 +24,7 @@ class SevereTexts:
     def on_text(self, text: str, severity: int, now_s: float, ends: tuple[str, ...] = ()) -> None:
         """Takes a text. One that says that something is over ends those that begin with one of `ends`.
 
-        A text that comes again is told anew. A longer one replaces its own first part.
+        A text that comes again is reported again. A longer one replaces its own first part.
         """
         if ends:
             self._texts = tuple(each for each in self._texts if not each.text.startswith(ends))

@@ -341,7 +341,7 @@ class ArduCopter(Autopilot):
 
     @override
     def failsafe_of_sensors(self, failing: int, healthy_once: int) -> Cause | None:
-        # It enables a sensor only where it is there: a fence that is set, a receiver that was heard.
+        # It enables a sensor only where it is there: a fence that is set, a receiver that was detected.
         return next((cause for bit, cause in _SENSORS if failing & bit), None)
 
     @override

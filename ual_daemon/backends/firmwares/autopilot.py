@@ -204,7 +204,7 @@ class Autopilot(ABC):
 
     def failsafe_of_sensors(self, failing: int, healthy_once: int) -> Cause | None:
         """Returns the failsafe that its sensors show (bits of MAV_SYS_STATUS): those that fail now, and those that have
-        been healthy since it is heard.
+        been healthy since it is received.
         """
         return None
 

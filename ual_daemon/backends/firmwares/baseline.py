@@ -8,7 +8,7 @@ FRESH_S = 5.0
 
 
 class Baseline:
-    """The newest distance. One that is older than `FRESH_S` is not told."""
+    """The newest distance. One that is older than `FRESH_S` is not reported."""
 
     def __init__(self) -> None:
         self._told: tuple[float, float] | None = None

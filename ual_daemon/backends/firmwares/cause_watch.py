@@ -21,7 +21,7 @@ distinguishes the positions of a switch after 0.2 s, and a heartbeat may be 1 s 
 EPISODE_S = 3.0
 """Seconds before a failsafe's flight within which PX4 may have reported the trigger."""
 HELD_S = 8.0
-"""The same where it has held meanwhile in the mode that was asked for: PX4 holds for 5 s first (COM_FAIL_ACT_T)."""
+"""The same where it has held meanwhile in the mode that was requested: PX4 holds for 5 s first (COM_FAIL_ACT_T)."""
 SETTLE_S = 0.4
 """Until then the reason of a new mode may still come. ArduPilot's texts follow the heartbeat, and its SYS_STATUS comes
 at 5 Hz. PX4 may report the mode in a heartbeat before it says whether it was intended."""
@@ -54,8 +54,8 @@ TEXT_AHEAD_S = 1.0
 class CauseWatch:
     """Watches what one autopilot says around its changes of mode. Belongs to the thread that receives.
 
-    `names_intended_mode` is whether it is told here which mode the autopilot was asked for, beside the one that flies:
-    another one is then a failsafe's.
+    `names_intended_mode` is whether it is reported here which mode the autopilot was requested, beside the one that
+    flies: another one is then a failsafe's.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class CauseWatch:
         """The signs of this flight that are said again in each report."""
         self._mode_name = ""
         self._was_ours = self._is_ours = self._is_ours_intended = False
-        """Whether the mode before, the present one, and the one that it was asked for last take our setpoints."""
+        """Whether the mode before, the present one, and the one that it was requested last take our setpoints."""
         self._since_s = -math.inf
         self._was_found = True
         """Whether the present mode was there before anything was known of it, or before the arming."""
@@ -91,7 +91,7 @@ class CauseWatch:
         self._explained_s = -math.inf
         """Time at which a failsafe last explained a mode: the signs until then are used up."""
         self._intention = ("", False)
-        """The mode of the newest CURRENT_MODE, and whether it is another one than was asked for."""
+        """The mode of the newest CURRENT_MODE, and whether it is another one than was requested."""
         self._episode: Cause | None = None
         self._sensors: Cause | None = None
         self._sensors_s = -math.inf
@@ -167,7 +167,7 @@ class CauseWatch:
         self._motors.on_pulses(pulses_us, self._motor_channels, now_s)
 
     def on_intention(self, custom_mode: int, intended_custom_mode: int, now_s: float) -> None:
-        """Takes the number of the mode, and of the one that the autopilot was asked for (0: it does not say)."""
+        """Takes the number of the mode, and of the one that the autopilot was requested (0: it does not say)."""
         is_unintended = bool(intended_custom_mode) and intended_custom_mode != custom_mode
         self._intention = (self._autopilot.mode(custom_mode).name, is_unintended)
         self._is_ours_intended = self._autopilot.mode(intended_custom_mode).control is _REFERENCES
@@ -289,7 +289,7 @@ class CauseWatch:
         is_over = now_s - self._since_s > (STATUS_S if is_status_awaited else SETTLE_S)
         if self._names_intended_mode and self._is_unintended is None and not is_over:
             # A heartbeat may tell the mode first. The signs alone may be of a failsafe before it: PX4 reports a breach
-            # of its fence anew with each mode that a ground station selects.
+            # of its fence again with each mode that a ground station selects.
             return Cause.OPEN
         if self._is_unintended is not False:
             failsafe = self._failsafe_that_flies(mode, is_over=is_over)

@@ -53,13 +53,13 @@ _PRIOR_M2_S = 1.0
 """The variance of the velocity (m^2/s^2 times seconds) at which half of the measured drag is used: with less of it the
 estimate stays close to what was expected."""
 _TOLD_M2_S = 10.0
-"""The variance from which on the drag is worth to be told."""
+"""The variance from which on the drag is worth to be reported."""
 _TOLD_STEP_1_S = 0.1
 VELOCITY_GAINS = {"MPC_XY_VEL_P_ACC": 1.8, "MPC_XY_VEL_D_ACC": 0.2}
 """The gains by which PX4 follows a horizontal velocity, as they are shipped."""
 (_P_NAME, _P), (_D_NAME, _D) = VELOCITY_GAINS.items()
 _MOST_M_S2 = GRAVITY_M_S2
-"""No velocity asks for more: it is a tilt of 45 degrees."""
+"""No velocity requests more: it is a tilt of 45 degrees."""
 _LEAST_TILT_COSINE = 0.5
 """The cosine of the tilt beyond which it does not fly as a multirotor does."""
 _UNREAD: Mapping[str, float] = MappingProxyType({})

@@ -55,7 +55,7 @@ class FenceReader:
         self.update()
 
     def update(self) -> None:
-        """Reads it anew; to be called when parameters have come."""
+        """Reads it again; to be called when parameters have come."""
         fence = self._autopilot.autopilot_fence(self._parameters, is_enabled=self._is_enabled, found=self._found)
         if fence != self._fence:
             self._fence = fence

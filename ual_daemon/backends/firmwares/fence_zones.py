@@ -51,7 +51,7 @@ class FenceItem(NamedTuple):
 
 
 class FoundZones(NamedTuple):
-    """The zones that were read; None while they were not. `why` says, human-readable, why they cannot be told."""
+    """The zones that were read; None while they were not. `why` says, human-readable, why they cannot be reported."""
 
     zones: tuple[Zone, ...] | None = None
     why: str = ""

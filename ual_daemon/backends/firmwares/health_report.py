@@ -57,7 +57,7 @@ class HealthReport:
     ) -> Health:
         """Returns the health; the same object while nothing has changed.
 
-        `is_ready` is whether it is ready to arm (None: it does not say). `loss` is asked for once a second; None where
+        `is_ready` is whether it is ready to arm (None: it does not say). `loss` is requested once a second; None where
         it is not known. `doubt` is what does not count before the landing.
         """
         if now_s >= self._next_link_s:

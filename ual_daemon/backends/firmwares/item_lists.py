@@ -33,7 +33,7 @@ class ItemLists(ABC):
 
 
 def not_current() -> UalTimeoutError:
-    """Returns that the autopilot has not told an item as its current one, however often it was asked."""
+    """Returns that the autopilot has not reported an item as its current one, however often it was asked."""
     return UalTimeoutError("the autopilot did not make that item its current one: look where it flies")
 
 

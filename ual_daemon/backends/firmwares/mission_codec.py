@@ -71,7 +71,7 @@ class MissionCodec(ABC):
     first_seq: int
     """The number that it gives to the first item of a mission."""
     restart_seq: int
-    """The number that begins the mission anew, with all jumps."""
+    """The number that begins the mission again, with all jumps."""
     is_ardupilot: bool
     mode: str
     """The name of the mode in which it flies its mission."""

@@ -46,7 +46,7 @@ class MotorOutputs:
         self._rests_since_s = min(self._rests_since_s, now_s) if do_rest else math.inf
 
     def forget(self) -> None:
-        """Forgets what was told: from now on it says nothing."""
+        """Forgets what was reported: from now on it says nothing."""
         self._rests_since_s, self._heard_s = math.inf, -math.inf
 
     def stand(self, now_s: float) -> bool | None:

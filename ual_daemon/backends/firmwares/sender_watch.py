@@ -28,7 +28,7 @@ SILENT_S = 2.0
 that was stuck delivers late.
 """
 SENDING_S = 0.5
-"""Seconds of our sending from which a target is judged by ours: an older one is from before."""
+"""Seconds of our sending from which a target is assessed by ours: an older one is from before."""
 _SILENT = "another program sends setpoints: {}"
 _REFERENCES = Control.REFERENCES
 _IN_AIR = LandedState.IN_AIR
@@ -82,7 +82,7 @@ class SenderWatch:
 
     @property
     def wants_mode(self) -> bool:
-        """Whether the mode is to be heard anew: a foreign target may come from a pilot who has taken over."""
+        """Whether the mode is to be received again: a foreign target may come from a pilot who has taken over."""
         return self._doubted_s < math.inf
 
     def another(
@@ -131,7 +131,7 @@ class SenderWatch:
                 break
             if has_position and sent.__class__ is tuple:  # a velocity explains no position
                 continue
-            if sent is not before or sent is None:  # a hover is the same one again and again
+            if sent is not before or sent is None:  # a hover is the same one repeatedly
                 if _explains(sent, target):
                     return False
                 before = sent

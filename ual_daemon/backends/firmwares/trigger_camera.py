@@ -33,7 +33,7 @@ class TriggerCamera(CameraDriver):
         order: Passes a command to the autopilot.
         post: Has something done on the thread that receives.
         give: Returns a future that is ended there.
-        is_up: Whether the autopilot is heard.
+        is_up: Whether the autopilot is received.
 
     """
 

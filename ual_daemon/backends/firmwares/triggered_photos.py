@@ -16,7 +16,7 @@ from ual_daemon.backends.values import Freshness, Snapshot
 REPORT_S = 8.0
 """Seconds for which a report of a picture is awaited, with the acknowledgement of its order."""
 LARGEST_GAP_PHOTOS = 1000
-"""Numbers of pictures that are further apart are no lost pictures: the camera counts anew."""
+"""Numbers of pictures that are further apart are no lost pictures: the camera counts again."""
 
 
 def viewpoint_of(snapshot: Snapshot, freshness: Freshness) -> Viewpoint:
@@ -87,7 +87,7 @@ class TriggeredPhotos:
         self._waiting, self._last, self.distance_m = [], None, None
 
     def on_report(self, number: int, stamp_s: float | None, place: GeoPoint | None) -> None:
-        """Takes that a picture was taken: its number, and where and when, as far as that is told."""
+        """Takes that a picture was taken: its number, and where and when, as far as that is reported."""
         if number == self._last:
             return
         if self._last is not None and 0 < number - self._last <= LARGEST_GAP_PHOTOS:

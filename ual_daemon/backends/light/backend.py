@@ -314,7 +314,7 @@ class LightBackend(Backend):
         return self._given.give("hear the autopilot's answer", begin)
 
     def _why_overtaken(self) -> str | None:
-        """Returns that the pilot has changed the mode since a command was judged; None if that did not happen."""
+        """Returns that the pilot has changed the mode since a command was assessed; None if that did not happen."""
         seen, mode = command_snapshot(), FlightMode(int(self.world.fleet.mode[self._index])).name
         is_same = seen is None or seen.control.settled_mode in ("", mode)
         return None if is_same else f"Mode: it became {mode}"

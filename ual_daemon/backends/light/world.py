@@ -42,7 +42,7 @@ _LOW_SHARE = 0.5
 rate from switching back and forth.
 """
 LAG_S = 0.5
-"""Simulated time that is further behind than this is told."""
+"""Simulated time that is further behind than this is reported."""
 _SMOOTHING_STEPS = 25.0
 _LARGEST_SHARE = 2.0
 """Larger values count as this: they come from a process that was stopped for a moment, not from a slow computer."""

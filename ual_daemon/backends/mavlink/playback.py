@@ -19,7 +19,7 @@ _TICK_S = 0.05
 
 
 class NoLink(MessageTransport):
-    """Sends nothing, and says that it has: what the session asks for was answered in the recording."""
+    """Sends nothing, and says that it has: what the session requests was answered in the recording."""
 
     def __init__(self, *, is_stream: bool) -> None:
         self._is_stream = is_stream

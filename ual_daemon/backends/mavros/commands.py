@@ -29,7 +29,7 @@ from ual_daemon.backends.values import LandedState, Snapshot
 
 CALL_S = 6.0
 MODE_S = 0.3
-"""A mode is asked for only while the present one was said within this time. A PX4 that is armed is asked for a
+"""A mode is requested only while the present one was said within this time. A PX4 that is armed is queried for a
 heartbeat each 0.2 s, and an ArduPilot streams ten a second. Where they come once a second, a mode leaves with one.
 """
 TEXT_S = 0.3
@@ -56,7 +56,7 @@ class MavrosCall(NamedTuple):
 
     @property
     def mode(self) -> str:
-        """The mode that it asks for; empty if it asks for none."""
+        """The mode that it requests; empty if it requests none."""
         return str(self.arguments.get("custom_mode", ""))
 
 
@@ -159,7 +159,7 @@ def read_answer(call: MavrosCall, answer: Answer, after_s: float = 0.0) -> Mavro
 
 
 def _read_result(call: MavrosCall, result: int, after_s: float, *, is_done: bool) -> MavrosReply:
-    """MAVROS passes on the first acknowledgement only: of one that says "in progress" the end is never told.
+    """MAVROS passes on the first acknowledgement only: of one that says "in progress" the end is never reported.
 
     Arming and take-off show their effect, so they wait for it. Of what else is commanded only answers tell.
     """

@@ -31,7 +31,7 @@ change.
 """
 _CALL_S = 3.0
 _SILENCE_S = 5.0
-"""Seconds of silence after which a topic is subscribed to anew."""
+"""Seconds of silence after which a topic is subscribed to again."""
 
 OnMessage = Callable[[MavrosSession, str, Message, float], None]
 

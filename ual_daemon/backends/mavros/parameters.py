@@ -1,7 +1,7 @@
 """Reads the autopilot's parameters from MAVROS, which holds a copy of all of them.
 
 MAVROS fetches them 10 s after it has found the autopilot; over a slow link that takes a minute (ArduPilot has 1,400).
-Until then it knows none, and logs an error for each that is asked for.
+Until then it knows none, and logs an error for each that is requested.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class ParameterReader:
         on_read: Callable[[], None],
         beside: Callable[[], tuple[str, ...]] = tuple,
     ) -> None:
-        """`beside` returns the names of others that are wanted, by what was read. Each is asked for until an answer
+        """`beside` returns the names of others that are wanted, by what was read. Each is requested until an answer
         comes.
         """
         self._autopilot = autopilot
@@ -92,7 +92,7 @@ class ParameterReader:
         return [] if asked else absent
 
     def _new_optional(self, now_s: float) -> list[str]:
-        """Returns those beside flying that were not asked for lately, once all that a flight needs have come."""
+        """Returns those beside flying that were not requested lately, once all that a flight needs have come."""
         asked_s = self._beside_asked_s
         if self.missing:
             asked_s.clear()  # it has booted

@@ -121,7 +121,7 @@ class MavrosSession:
         self.reads_parameters = True
         """Whether MAVROS has its whole copy of the parameters. It has not while it fetches them."""
         self._command_calls: list[Future[Message]] = []
-        """The calls of commands since none was under way."""
+        """The calls of commands since none was in progress."""
         self._calling = ""
         self._requested_s = dict.fromkeys((_HEARTBEAT_ID, _ORIGIN_ID, _VERSION_ID, _HOME_ID), -math.inf)
         self._boots_count = telemetry.boots_count
@@ -187,7 +187,7 @@ class MavrosSession:
         return setpoint, messages.position_target(setpoint, with_acceleration=autopilot.takes_acceleration)
 
     def restart(self, now_s: float) -> None:
-        """Discards what may have changed in a time in which nothing came, and asks for everything anew."""
+        """Discards what may have changed in a time in which nothing came, and requests everything again."""
         self.telemetry.readings.discard_state()
         self.forget_gripper()
         self.runner.drop(now_s)
@@ -291,7 +291,7 @@ class MavrosSession:
         if event.text:
             self.runner.on_text(event.text)
 
-    # --- What is asked for --------------------------------------------------------------------------------------------
+    # --- What is requested --------------------------------------------------------------------------------------------
 
     def _why_late(self) -> str:
         """Returns why a command may wait: with ROS 2 MAVROS executes it after ``set_message_interval``."""

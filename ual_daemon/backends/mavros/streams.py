@@ -1,4 +1,4 @@
-"""Messages that the autopilot is asked to stream: MAVROS asks for none by itself, and ArduPilot sends none unasked."""
+"""Messages that the autopilot is asked to stream: MAVROS requests none by itself, and ArduPilot sends none unasked."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ FLOWS_SHARE = 0.25
 NEEDED = frozenset(
     (topics.STATE, topics.EXTENDED_STATE, topics.POSE, topics.IMU, topics.SYS_STATUS, topics.ESTIMATOR_STATUS)
 )
-"""Without these the state is not known: only these are asked for in flight, and only once they have stopped. With ROS 2
+"""Without these the state is not known: only these are requested in flight, and only once they have stopped. With ROS 2
 MAVROS executes no ``set_mode`` while it waits for the acknowledgement of such a request.
 """
 CALL_S = 6.0

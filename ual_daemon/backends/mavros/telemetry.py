@@ -85,7 +85,7 @@ class MavrosTelemetry:
         self.home_s = math.inf
         """Since when the home of the present arming is missing; infinite while it is not."""
         self.home_watch = HomeWatch(_HOME_TOLERANCE_M, _HOME_DOUBTS_COUNT)
-        """Whether home is to be asked for, as it is elsewhere now."""
+        """Whether home is to be requested, as it is elsewhere now."""
         self.is_ready_to_arm: bool | None = None
         self.vtol_state = 0
         self.flight = AirborneWatch()
@@ -429,7 +429,7 @@ class MavrosTelemetry:
     # --- What follows from it -----------------------------------------------------------------------------------------
 
     def _assessed_estimator(self, now_s: float) -> Sample[Estimator] | None:
-        """Judges by what was heard last: if nothing comes any more, it is not one topic that is silent."""
+        """Judges by what was received last: if nothing comes any more, it is not one topic that is silent."""
         estimator, velocity = self._estimator.sample, self.velocity.sample
         if estimator is None or not estimator.value.is_good:
             return estimator

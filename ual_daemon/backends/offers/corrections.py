@@ -20,7 +20,7 @@ MOST_WAITING_BYTES = 8192
 nobody.
 """
 SILENCE_S = 10.0
-"""Seconds of silence after which a sender loses its turn once another one asks for it."""
+"""Seconds of silence after which a sender loses its turn once another one requests it."""
 
 
 class Injected(NamedTuple):

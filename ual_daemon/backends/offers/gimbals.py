@@ -120,7 +120,7 @@ class FindableGimbal(GimbalDriver):
     @property
     @abstractmethod
     def is_found(self) -> bool:
-        """Whether there is one, as far as was heard. Once it is, it stays."""
+        """Whether there is one, as far as was received. Once it is, it stays."""
 
 
 class OneGimbal(GimbalDrivers):

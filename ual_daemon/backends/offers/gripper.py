@@ -40,7 +40,7 @@ class GripperDriver(ABC):
     known whether it was obeyed. Cancelling its future withdraws it, if it was not sent yet.
 
     An order that holds a load is repeated until it is acknowledged: a grip, and a `WinchOrder` that `holds`. All others
-    may let one go: they are sent once, and never more than 1 s after they were asked for. A newer order of the same
+    may let one go: they are sent once, and never more than 1 s after they were requested. A newer order of the same
     device replaces the one before; the caller cancels that.
 
     A question that the autopilot does not answer ends with a `UalError`, which says why.

@@ -39,8 +39,8 @@ class MissionReport:
         stage: How far it is.
         item: The item that it flies to, or executes, counted from 1; None while that is not known.
         reached: The item that it reached last, counted from 1, also in a flight of its mission before; None if none was
-            since it is heard.
-        time_s: When it was heard last.
+            since it is received.
+        time_s: When it was received last.
         mission_id: Its own checksum of the mission; 0 where it tells none.
         reached_s: When it told what it reached last.
         changes: What else of it changes with the mission, such as its number of items: compared, and not read.

@@ -47,7 +47,7 @@ class AutopilotParameters(ABC):
 
     @abstractmethod
     def read_all(self) -> Future[list[Parameter]]:
-        """Reads all, in the order of the autopilot. Where that is under way already, the result is of that."""
+        """Reads all, in the order of the autopilot. Where that is in progress already, the result is of that."""
 
     @abstractmethod
     def write(self, parameter: Parameter, refusal: Refusal) -> Future[Parameter]:

@@ -4,7 +4,7 @@ See ``docs/evidence/decisions/0025-our-own-rosbridge-client.md`` for why it is o
 
 The modules, from the top down (a contract in pyproject.toml checks it):
 
-- ``link``: one thread that connects, receives, reconnects, and subscribes anew; what backends use
+- ``link``: one thread that connects, receives, reconnects, and subscribes again; what backends use
 - ``slow_calls``: services that may take long, on a connection of their own
 - ``graph``: which ROS is on the other side, and which topics of which types
 - ``connections``: the two connections of a link, supervised as one

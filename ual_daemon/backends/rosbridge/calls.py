@@ -65,8 +65,8 @@ class PendingCalls:
 
     @property
     def hold_up(self) -> bool:
-        """Whether a call that is made now may wait behind another one: one is under way, and no later one has ever been
-        answered before an earlier one.
+        """Whether a call that is made now may wait behind another one: one is in progress, and no later one has ever
+        been answered before an earlier one.
         """
         with self._lock:
             return not self._is_concurrent and (bool(self._open) or self._unanswered_since_s < math.inf)

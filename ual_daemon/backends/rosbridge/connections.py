@@ -52,7 +52,7 @@ class Connections:
         return [*came, *self.publisher.receive(0.0)]
 
     def supervise(self, now_s: float) -> float:
-        """Notes signs of life, and asks for them. Returns for how long there is none on one of them, in seconds."""
+        """Notes signs of life, and requests them. Returns for how long there is none on one of them, in seconds."""
         for pulse in self._pulses:
             pulse.update(now_s)
         return now_s - min(pulse.heard_s for pulse in self._pulses)

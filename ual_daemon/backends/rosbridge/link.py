@@ -1,4 +1,4 @@
-"""The supervised link: connects, subscribes, and begins anew for ever, on one thread."""
+"""The supervised link: connects, subscribes, and begins again for ever, on one thread."""
 
 from __future__ import annotations
 
@@ -30,9 +30,9 @@ LOST_S = 0.8
 """Seconds without a sign of life after which a bridge counts as lost."""
 RETRY_S = 0.2
 _GIVE_UP_S = 3.0
-"""Seconds without a sign of life after which a connection is made anew."""
+"""Seconds without a sign of life after which a connection is made again."""
 _BLOCKED_S, _DOUBT_S = 6.0, 2.0
-"""Seconds without an answer of any service after which a connection is made anew, and after which rosapi is asked
+"""Seconds without an answer of any service after which a connection is made again, and after which rosapi is asked
 before: it always answers else. With ROS 2 a call that is never answered holds up all that come after it. MAVROS answers
 after 5 s.
 """
@@ -59,7 +59,7 @@ class RosbridgeState(Enum):
 
 @dataclass(slots=True)
 class _TopicSubscription:
-    """Subscription of a topic, and its last message. After `silence_s` without a message, it is subscribed anew."""
+    """Subscription of a topic, and its last message. After `silence_s` without a message, it is subscribed again."""
 
     topic: str
     kind: str
@@ -237,8 +237,8 @@ class RosbridgeLink:
         """Subscribes to a topic of a type (``pkg/Name``): once somebody publishes it, and after every reconnection.
 
         `throttle_ms` is the shortest interval between two messages, and `queue_length` how many may wait in the bridge.
-        After `silence_s` without a message it is subscribed to anew: in ROS 2 a publisher that comes back with another
-        quality of service is not heard otherwise.
+        After `silence_s` without a message it is subscribed to again: in ROS 2 a publisher that comes back with another
+        quality of service is not received otherwise.
         """
         name = self.url.resolve(topic)
         wanted = _TopicSubscription(
@@ -260,7 +260,7 @@ class RosbridgeLink:
         self._refreshed_s = -math.inf
 
     def _run(self) -> None:
-        """Connects until the link is closed. A defect of a listener does not end it: it connects anew."""
+        """Connects until the link is closed. A defect of a listener does not end it: it connects again."""
         while not self._closing.is_set():
             try:
                 self._attempt()
@@ -401,7 +401,7 @@ class RosbridgeLink:
         """Announces what is published, and subscribes to what can be, and to what has fallen silent.
 
         Raises:
-            OSError: The connection is lost. The next one begins anew.
+            OSError: The connection is lost. The next one begins again.
         """
         connections, graph, now_s = self._connections, self.graph, self._clock.now_s()
         self._refreshed_s = now_s

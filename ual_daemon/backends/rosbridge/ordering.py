@@ -27,7 +27,7 @@ class Ordering:
         if stamp_s and stamp_s < newest_s:
             if stamp_s > newest_s - CLOCK_STEP_S and not self._is_of_new_clock(topic, stamp_s):
                 return False
-            self._fastest = ClockOffset(_LATENESS_WINDOW_S)  # how late a message comes is measured anew
+            self._fastest = ClockOffset(_LATENESS_WINDOW_S)  # how late a message comes is measured again
             self._fastest_state = ClockOffset()
         self._older.pop(topic, None)
         self._newest[topic] = stamp_s

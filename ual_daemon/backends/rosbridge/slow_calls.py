@@ -30,7 +30,7 @@ class SlowCalls:
     """`call` is for any thread, the rest for the link's. It connects with the first call.
 
     A call that was withdrawn, or not answered in time, may hold up all that come after it. So these have a new
-    connection. What is under way on the old one goes on: a mission that is uploaded, for example.
+    connection. What is in progress on the old one goes on: a mission that is uploaded, for example.
     """
 
     def __init__(self, connect: Callable[[], BridgeTransport], now_s: Callable[[], float]) -> None:
@@ -40,7 +40,7 @@ class SlowCalls:
         self._newest: _CallConnection | None = None
         """Connection on which calls leave."""
         self._connections: list[_CallConnection] = []
-        """It, and those that have calls under way."""
+        """It, and those that have calls in progress."""
         self._unsent: deque[tuple[str, bytes]] = deque()
         self._lock = threading.Lock()
 

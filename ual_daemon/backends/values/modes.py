@@ -105,7 +105,7 @@ class Mode:
     `on_arming` is what it does when it is armed in it: no command of UAL arms it in one in which it does not stand.
     `is_autonomous` is whether the autopilot surely flies by itself in it, without sticks (hold, return): a landing may
     replace such a mode, and never one that the pilot flies. `own_text` has what the autopilot itself calls a mode that
-    has no name here (an external mode of PX4, a script's of ArduPilot). It is only told: nothing is decided by it.
+    has no name here (an external mode of PX4, a script's of ArduPilot). It is only reported: nothing is decided by it.
     `keeps_height` is whether the autopilot bounds the descent in it, though a pilot flies.
     """
 

@@ -172,7 +172,7 @@ class LinkState(NamedTuple):
     """Trouble of the link, and the count of the autopilot's boots. It seldom changes.
 
     Attributes:
-        trouble: What is wrong, or what is heard instead of the autopilot; empty while nothing is wrong. It ends the
+        trouble: What is wrong, or what is received instead of the autopilot; empty while nothing is wrong. It ends the
             reason of the state while nothing is heard from the autopilot.
         refused: Which requests for data the autopilot has refused. It ends the reason of the state while that data is
             missing.
@@ -236,7 +236,7 @@ class Snapshot(NamedTuple):
         """Returns the position on Earth: as the autopilot reports it, or by its projection.
 
         None while the autopilot does not trust its position: ArduPilot then goes on reporting the last one. Of an
-        autopilot that does not say whether it does (iNav, Betaflight), the reported one is told while its satellites
+        autopilot that does not say whether it does (iNav, Betaflight), the last report is returned while its satellites
         are good.
         """
         motion, earth, gps = self.motion, self.earth, self.condition.gps

@@ -111,7 +111,7 @@ class VehicleInfo:
             while that is not known.
         limitation: Why it has fewer capabilities than others, human-readable. It ends the reason of the state.
         note: What is unusual about it (limits that are assumed, a link that carries little). It does so, too.
-        cruise_speed_m_s: The horizontal speed at which the autopilot itself flies to a goal, where nobody asks for
+        cruise_speed_m_s: The horizontal speed at which the autopilot itself flies to a goal, where nobody requests
             another one.
         acceleration_share: The part of the autopilot's acceleration limits that `limits` have. References on the way
             use no more, a stop uses all.

@@ -1,7 +1,7 @@
 """A mission that the autopilot flies by itself, as a task of UAL. No setpoint is sent while it does.
 
 The autopilot flies on where the link or the daemon is lost. So the task does not end with the link: once the autopilot
-is heard again, its mode and its mission say whether it is still this one.
+is received again, its mode and its mission say whether it is still this one.
 """
 
 from __future__ import annotations
@@ -143,7 +143,7 @@ class AutopilotMission(Manoeuvre):
         self._before: Led | None = None
         """Modes to which the mission before, or its stop, may lead late; None where there was none."""
         self._is_ending = False
-        """Whether its end was told, and is compared with what the autopilot has."""
+        """Whether its end was reported, and is compared with what the autopilot has."""
         self._done_s: float | None = None
         """Since when it is in the mode in which it holds after a mission."""
         self._was_in_air = first is None
@@ -301,8 +301,8 @@ class AutopilotMission(Manoeuvre):
         return Step()
 
     def _unless_mode_shows_others(self, snapshot: Snapshot) -> Step | None:
-        """Returns its end where the mode, which is heard without a position, too, shows that others fly it. A failsafe
-        may give it back to the mission once the position is known.
+        """Returns its end where the mode, which is received without a position, too, shows that others fly it. A
+        failsafe may give it back to the mission once the position is known.
         """
         if not _mode(snapshot) or _is_by_failsafe(snapshot):
             return None
@@ -314,7 +314,7 @@ class AutopilotMission(Manoeuvre):
         return None if is_over else self._unless_flying(snapshot)
 
     def _check_after_silence(self, snapshot: Snapshot) -> None:
-        """After a long silence the flight may be another's: whether the mission is still this one is read anew."""
+        """After a long silence the flight may be another's: whether the mission is still this one is read again."""
         heard_s, before_s = snapshot.heard_s, self._heard_s
         self._heard_s = heard_s
         self._task.note = self._trouble
@@ -521,7 +521,9 @@ class AutopilotMission(Manoeuvre):
         return None
 
     def _is_returning(self, snapshot: Snapshot) -> bool:
-        """Returns whether the return at the end of the mission is what changed the mode; its item may be told later."""
+        """Returns whether the return at the end of the mission is what changed the mode; its item may be reported
+        later.
+        """
         mode = snapshot.control.mode
         if mode is None or (mode.value.name != self._offer.return_mode and mode.value.control is not Control.LAND):
             return False
@@ -540,7 +542,7 @@ class AutopilotMission(Manoeuvre):
         if mode != self._began_in and not self._is_returning(snapshot):
             return taken(snapshot, NAME)
         failure = self.command.failure(snapshot)
-        if mode != self._began_in:  # it has begun its own return: the hold is commanded anew
+        if mode != self._began_in:  # it has begun its own return: the hold is commanded again
             self._phase = _Phase.FLYING
         elif failure is not None:
             self._go_on_unpaused(failure)
@@ -572,7 +574,7 @@ class AutopilotMission(Manoeuvre):
         return Step()
 
     def _stay_paused(self) -> Step:
-        """Holds where it does, as it was paused anew before it has gone on."""
+        """Holds where it does, as it was paused again before it has gone on."""
         self._phase, self._waited = _Phase.PAUSED, None
         return Step()
 

@@ -156,7 +156,7 @@ class AwaitStop(Manoeuvre):
             logs.event(_log, logging.ERROR, "mission_not_stopped", why=str(failure), remedy=remedy)
 
     def _is_own(self, snapshot: Snapshot) -> bool | None:
-        """Returns whether UAL has led to the present mode, and not others; None while that may still be told."""
+        """Returns whether UAL has led to the present mode, and not others; None while that may still be reported."""
         mode = snapshot.control.mode_name
         # The one that was seen before it began: others may have chosen that of the moment in which it did.
         self._began_in = self._began_in or self._seen_mode or self.mode_begun or mode

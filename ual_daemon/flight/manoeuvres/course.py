@@ -1,4 +1,4 @@
-"""Course of a trajectory, from which the rest of it can be planned anew when the world has changed."""
+"""Course of a trajectory, from which the rest of it can be planned again when the world has changed."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class CourseProgress(NamedTuple):
 
 
 class Onward(NamedTuple):
-    """The rest of a way, planned anew: `passed_count` waypoints of the trajectory before it are not in it any more.
+    """The rest of a way, planned again: `passed_count` waypoints of the trajectory before it are not in it any more.
 
     `why` says, human-readable, what has changed.
     """

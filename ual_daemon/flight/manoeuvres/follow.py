@@ -63,7 +63,7 @@ class FollowTrajectory(Manoeuvre):
     """A go-to or a path: the manoeuvre that flies a trajectory by a tracker, until the UAV has arrived at its end.
 
     While its task is paused or waits for a position, the tracker brakes and holds on the trajectory, and the time limit
-    does not run. When the world has changed, its `course` plans the rest anew. Where that takes long, the UAV first
+    does not run. When the world has changed, its `course` plans the rest again. Where that takes long, the UAV first
     comes to rest on its way.
     """
 
@@ -220,7 +220,7 @@ class FollowTrajectory(Manoeuvre):
                 course.fence = fence
         except FrameLostError:
             raise
-        except WrongStateError:  # for a moment, as the autopilot's origin is asked for again
+        except WrongStateError:  # for a moment, as the autopilot's origin is requested again
             self.is_fitted = False
 
     def _continue_planning(self, reference: TrajectoryReference | Pursuit, snapshot: Snapshot) -> None:

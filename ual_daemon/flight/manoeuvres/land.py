@@ -127,7 +127,7 @@ class LandManoeuvre(Landing):
         has_safety_pilot: bool = True,
         send: Callable[[], Future[None]] | None = None,
     ) -> None:
-        """`send` sends the command anew, in a mode to which UAL itself has led; None where there is no such mode."""
+        """`send` sends the command again, in a mode to which UAL itself has led; None where there is no such mode."""
         super().__init__(task, reference, start, name, on_height, has_safety_pilot=has_safety_pilot)
         self._send = send
         self._led_to: LedTo = super().led_to

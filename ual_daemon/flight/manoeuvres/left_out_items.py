@@ -15,7 +15,7 @@ _LONGEST_S = 1.5
 """Between two reports that follow each other in time. What was flown in a longer gap is not known."""
 _APART_M = 3.0
 """Distance in metres at which a place is reached, by both autopilots' radius of 2 m. One so near the one before may not
-be told.
+be reported.
 """
 
 
@@ -26,9 +26,9 @@ class LeftOutItems:
         self._items = items
         self._jumps_by_itself = any(isinstance(each, Jump) for each in items)
         self._told: tuple[int, float] | None = None
-        """The item that was told last, and when."""
+        """The item that was reported last, and when."""
         self._own: int | None = None
-        """The item to which UAL has jumped, until that is told."""
+        """The item to which UAL has jumped, until that is reported."""
         self._left_out: set[int | None] = set()
         self._nearest_m = math.inf
         """Least distance in metres from the item that was reported last; 0 where that is not known."""
@@ -43,7 +43,7 @@ class LeftOutItems:
         self._own = item
 
     def forget(self) -> None:
-        """Begins anew with the next report: the mission was not flown, or not seen, for a while."""
+        """Begins again with the next report: the mission was not flown, or not seen, for a while."""
         if self._told is not None:
             self._told, self._nearest_m = None, 0.0
 
@@ -79,7 +79,9 @@ class LeftOutItems:
         return math.hypot(aside.x, aside.y, up_m)
 
     def _is_own(self, told: int, own: int) -> bool:
-        """Returns whether what is told is that of UAL's jump: an item that does not fly is told as the one after it."""
+        """Returns whether what is reported is that of UAL's jump: an item that does not fly is reported as the one
+        after it.
+        """
         return own <= told and not any(isinstance(each, PLACED) for each in self._items[own - 1 : told - 1])
 
     def _is_destination(self, number: int) -> bool:

@@ -32,7 +32,7 @@ _log = logging.getLogger(__name__)
 
 LedTo: TypeAlias = Callable[[Snapshot], bool | None]
 """Returns whether the present mode came by what UAL had made the autopilot do, and not by others. None: that may still
-be told."""
+be reported."""
 
 
 @dataclass(slots=True, eq=False)
@@ -40,7 +40,7 @@ class Led:
     """Modes to which UAL has led since a mission was flown.
 
     What stops the mission shares one record, and so does what replaces that. Otherwise each would keep the one before,
-    and a link that is lost again and again would make the chain ever longer.
+    and a link that is lost repeatedly would make the chain ever longer.
 
     Attributes:
         by_mission: Whether the mission led to a mode.
@@ -136,7 +136,7 @@ class Manoeuvre(ABC):
     refuses_setpoints = False
     """Whether no pose and no velocity replaces it, though it may not be a mission yet."""
     unseen = ""
-    """Human-readable action of the manoeuvre while the state is not known; empty where nobody needs to be told."""
+    """Human-readable action of the manoeuvre while the state is not known; empty where nobody needs to be reported."""
     trouble = ""
     """Why the UAV does not do what it was asked last, human-readable, where no task ends with that; empty otherwise."""
     waits_for = ""
@@ -261,7 +261,7 @@ def guarded(manoeuvre: Manoeuvre, act: Callable[P, T], *args: P.args, **kwargs: 
 def no_progress(during: str, stuck_s: float, left: str, snapshot: Snapshot, said_before: str | None) -> Step:
     """Returns the step of a manoeuvre that has ended because it makes no way. `left` says what is left.
 
-    What the autopilot says is told, unless it had said that before the manoeuvre began (`said_before`).
+    What the autopilot says is reported, unless it had said that before the manoeuvre began (`said_before`).
     """
     text = snapshot.condition.status_text
     said = f"the autopilot says: {text}" if text not in ("", said_before) else ""

@@ -12,14 +12,16 @@ from ual_daemon.backends.offers.missions import AutopilotMissions, KeptMission, 
 AGAIN_S = 1.0
 """The time from a read that failed to the next one, ..."""
 _FIRST_AGAIN_S = 0.2
-"""... and the first time: one that was under way as another station began an upload fails. Each further one is twice as
-long."""
+"""... and the first time: one that was in progress as another station began an upload fails. Each further one is twice
+as long.
+"""
 SETTLE_S = 0.15
 """The time from a change to its read: amid an upload ArduPilot refuses it. PX4 tells another checksum once the upload
 has ended, and up to a second late: then it is read at once."""
 LOOK_S = 0.3
-"""The time from one read to the next where nothing is told. ArduPilot does not tell as many other items further on, nor
-any while it does not fly to a waypoint."""
+"""The time from one read to the next where nothing is reported. ArduPilot does not tell as many other items further on,
+nor any while it does not fly to a waypoint.
+"""
 _STEP_S = 0.1
 """The longest time between two steps that follow each other."""
 _PAUSE_FACTOR = 2.0
@@ -36,10 +38,10 @@ class _MissionReportKey(NamedTuple):
 
 
 class MissionWatch:
-    """Compares what the autopilot tells of its mission, and reads it anew where that does not say enough.
+    """Compares what the autopilot tells of its mission, and reads it again where that does not say enough.
 
     PX4 tells a checksum. ArduPilot tells the number of items, and by a text that one of the next three has changed. So
-    there the mission is read once it is flown, again and again, and before it counts as flown to its end.
+    there the mission is read once it is flown, repeatedly, and before it counts as flown to its end.
     """
 
     def __init__(self, offer: AutopilotMissions, kept: KeptMission) -> None:
@@ -48,7 +50,7 @@ class MissionWatch:
         """Report that was valid when the mission was ours; None before the first comparison."""
         self._newest: _MissionReportKey | None = None
         self._asked: _MissionReportKey | None = None
-        """Report that was valid when the read under way began, or the last one."""
+        """Report that was valid when the read in progress began, or the last one."""
         self._reading: Future[KeptMission] | None = None
         self._is_of_end = self._is_end_read = False
         self._began_s, self._next_s, self._next_look_s = 0.0, -math.inf, -math.inf
@@ -80,14 +82,14 @@ class MissionWatch:
             self._reading = self._offer.download()
 
     def is_sure(self, *, is_end: bool) -> bool:
-        """Returns whether the mission is ours by all that is told, and by what was read at its end."""
+        """Returns whether the mission is ours by all that is reported, and by what was read at its end."""
         told = self._report_key()
         if told is None:
             return True
         return told == self._sure and (not is_end or bool(told.mission_id) or self._is_end_read)
 
     def has_list_of(self, report: MissionReport) -> bool:
-        """Returns whether the list told now is the one that was ours; also while none was told."""
+        """Returns whether the list told now is the one that was ours; also while none was reported."""
         return self._sure is None or self._sure == _report_key(report)
 
     def _report_key(self) -> _MissionReportKey | None:

@@ -17,7 +17,7 @@ WAY_M = 0.3
 """An estimate of a UAV that stands still wanders by less within this time."""
 _TURN_RAD = 0.1
 _DUE_M = 1.0
-"""A motion that should have made less way than this is not judged: its estimate may wander by 0.7 m. So a slow one is
+"""A motion that should have made less way than this is not assessed: its estimate may wander by 0.7 m. So a slow one is
 watched for longer."""
 _LOOK_S = 0.2
 """Between two looks. Each costs some dozen calls, as much as the rest of an update."""
@@ -47,7 +47,7 @@ class Headway:
         self._looked_s = -math.inf
 
     def restart(self) -> None:
-        """Begins anew: it was paused, or planned anew, or has made way that does not show in what is left."""
+        """Begins again: it was paused, or planned again, or has made way that does not show in what is left."""
         self._mark = None
 
     def is_due(self, now_s: float) -> bool:
@@ -78,7 +78,9 @@ class Headway:
 
 
 class ProgressWatch:
-    """Watches one climb or descent that an autopilot may fly by itself. A descent that is stuck is told by its task."""
+    """Watches one climb or descent that an autopilot may fly by itself. A descent that is stuck is reported by its
+    task.
+    """
 
     def __init__(self, task: VehicleTask, advice: str, *, is_up: bool, slowest_m_s: float = math.inf) -> None:
         """`slowest_m_s` is the least speed that it is to have."""

@@ -110,7 +110,7 @@ class StayOnGround(Manoeuvre):
         return self._flies_s is None or is_late or snapshot.control.held_by not in _UNTOLD
 
     def _why_stuck(self, snapshot: Snapshot) -> UalError | None:
-        """Returns that the autopilot accepts to hold again and again, and does not; None if that is not so."""
+        """Returns that the autopilot accepts to hold repeatedly, and does not; None if that is not so."""
         if self._flies_s is None or snapshot.time_s - self._flies_s <= COMMAND_PATIENCE_S:
             return None
         what, mode = self._command.what, self._flies

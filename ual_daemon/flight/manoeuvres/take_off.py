@@ -107,7 +107,7 @@ class TakeOffManoeuvre(Manoeuvre):
         self._began_in = self._other_mode(start)
         self._climbing_since_s: float | None = None
         self._air_since_s = math.inf
-        """Since when it is in the air, in a mode that is not ours as far as it was told."""
+        """Since when it is in the air, in a mode that is not ours as far as it was reported."""
         self._longest_s = _longest_s(height_m, limits)
         self._has_lifted_off = False
 
@@ -161,7 +161,7 @@ class TakeOffManoeuvre(Manoeuvre):
     def _is_controlled_by_others(self, snapshot: Snapshot, estimate: Estimate) -> bool:
         """Returns whether it flies in a mode that is not ours.
 
-        On a bad link it may be heard to have left the ground before its new mode is. A mode from before that says
+        On a bad link it may be received to have left the ground before its new mode is. A mode from before that says
         nothing where no pilot can lift off in it.
         """
         if estimate.state is not State.FLYING_MANUAL:
@@ -173,7 +173,7 @@ class TakeOffManoeuvre(Manoeuvre):
         return not (may_be_ours and is_old and snapshot.time_s - self._air_since_s <= _MODE_NEWS_S)
 
     def _other_mode(self, snapshot: Snapshot) -> str:
-        """Returns the mode, as far as it was heard since the arming and is not ours; empty otherwise."""
+        """Returns the mode, as far as it was received since the arming and is not ours; empty otherwise."""
         mode = snapshot.control.mode
         if mode is None or mode.time_s < self._modes_since_s or _is_ours(snapshot):
             return ""

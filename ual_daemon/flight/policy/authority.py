@@ -23,7 +23,7 @@ _LEFT = "UAL has had the autopilot hold by itself"
 _IN_AIR = (_FLYING_AUTO, State.FLYING_MANUAL, State.TAKING_OFF, State.LANDING)
 """A tuple: each update looks, and the hash of an enumeration's member is a call."""
 _OTHERS = (State.FLYING_MANUAL, State.TAKING_OFF, State.LANDING)
-"""States in which others fly where no manoeuvre of UAL is under way."""
+"""States in which others fly where no manoeuvre of UAL is in progress."""
 
 
 def _took(by: Cause) -> str:
@@ -36,7 +36,7 @@ class Authority:
 
     UAL holds it from its first command on. A daemon that was started in flight holds nothing: what it finds in OFFBOARD
     or GUIDED may be the flight of a ground station or of another program. Any take-over of the UAV ends UAL's hold; a
-    new command begins it anew.
+    new command begins it again.
 
     `is_ours` is an attribute: a method would cost each setpoint of a stream a call.
     """
@@ -64,7 +64,7 @@ class Authority:
 
     def begin(self) -> None:
         """Notes that UAL is commanded. Called with the flight's lock held."""
-        # What is heard now was there when the command was judged: a silence before it had already ended.
+        # What is received now was there when the command was assessed: a silence before it had already ended.
         self.is_ours, self.is_ground_theirs, self.given_up, self._heard_s = True, False, "", None
         self._has_flown, self.taken, self.holder = True, "", None
 
@@ -85,7 +85,7 @@ class Authority:
             self.taken, self.holder = f"the {by} has brought another mission", Cause.GROUND_STATION
 
     def follow(self, state: State, snapshot: Snapshot) -> None:
-        """Notes what an update shows, also while a manoeuvre is under way; before `observe`."""
+        """Notes what an update shows, also while a manoeuvre is in progress; before `observe`."""
         boots = snapshot.link.boots_count, snapshot.link.boots_in_frame_count
         if boots != self._boots:  # it has not landed: it boots on the ground
             self._boots, self._is_in_air = boots, False
@@ -96,7 +96,7 @@ class Authority:
         self._follow_silence(snapshot)
 
     def observe(self, state: State, snapshot: Snapshot, *, is_sending: bool) -> None:
-        """Notes what an update shows while no manoeuvre of UAL is under way.
+        """Notes what an update shows while no manoeuvre of UAL is in progress.
 
         `is_sending` is whether a reference is sent: on the ground a descent that has touched down keeps its stream.
         """
@@ -109,7 +109,7 @@ class Authority:
             self.holder = None
         if state is _LANDED_ARMED and self._was_blind and self._was_in_air:  # the cause of its landing was not observed
             self.is_ours, self.is_ground_theirs = False, True
-            self._has_flown, self.taken = False, ""  # it may have been armed anew
+            self._has_flown, self.taken = False, ""  # it may have been armed again
         elif state is _LANDED_DISARMED:
             self.is_ours = self.is_ground_theirs = self._has_flown = False
             self.taken = ""
@@ -143,7 +143,7 @@ class Authority:
         logs.event(_log, logging.WARNING, "flight_given_up", why=self.given_up, remedy=remedy)
 
     def _observe_blind(self, snapshot: Snapshot) -> None:
-        """Notes what flies it while the state is not known: the mode may be heard all the time."""
+        """Notes what flies it while the state is not known: the mode may be received all the time."""
         if snapshot.control.landed is not None and snapshot.control.landed.value is LandedState.IN_AIR:
             self._is_in_air = True
         mode = snapshot.control.mode

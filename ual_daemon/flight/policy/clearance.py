@@ -1,4 +1,4 @@
-"""The velocities that a stream may go on with, without each being judged by every rule anew.
+"""The velocities that a stream may go on with, without each being assessed by every rule again.
 
 What bounds a motion is folded into one value: a ball around a place that lies inside every bound, and the limits. It is
 made when a setpoint asks, and holds as long as everything that it was made from is the same. A velocity within it is
@@ -26,7 +26,7 @@ from ual_daemon.validation import MAX_SPEED_M_S
 
 _ROUNDING_RATIO = 1e-12
 _RESTS_COUNT = 3
-"""Setpoints that are judged by the rules without the shortcut, where there is no room: most near an edge are."""
+"""Setpoints that are assessed by the rules without the shortcut, where there is no room: most near an edge are."""
 _SAME_M2 = 0.1**2
 """Squared distance from a ball that was too small within which no other one is searched: each setpoint would pay."""
 _WAY_S = REACTION_S + RAMP_S / 2.0

@@ -31,7 +31,7 @@ more.
 CARRIED_M_S = 6.0
 """Faster than a disarmed UAV is carried, as in a lift."""
 _BELOW_M = 1.0
-"""Metres below the UAV from which a pose asks for a descent."""
+"""Metres below the UAV from which a pose requests a descent."""
 _BRAKES_M_S2 = 0.7
 """A descent that is asked no more may end so slowly: less than the least acceleration of any autopilot's limits."""
 _EVERY_S = 0.09
@@ -122,7 +122,7 @@ class _ReceivedVelocity(NamedTuple):
 class Following:
     """Detection of a UAV that does not follow its references. Only the update thread calls `observe`.
 
-    Once it does not, that holds until somebody asks for the control, or until it lies disarmed. A daemon that is new
+    Once it does not, that holds until somebody requests the control, or until it lies disarmed. A daemon that is new
     finds it by the same data.
     """
 
@@ -219,7 +219,7 @@ class Following:
         return has_fallen and (self.is_still or self.lies) and height_m < near_m
 
     def release(self) -> None:
-        """Begins anew: somebody has asked for the control, or it lies disarmed. Any thread may call."""
+        """Begins again: somebody has asked for the control, or it lies disarmed. Any thread may call."""
         self._is_released = True
         self.why, self.trouble, self._is_now, self._worst, self.lies = "", None, False, 0.0, False
 
@@ -241,7 +241,7 @@ class Following:
     def observe(self, snapshot: Snapshot, raw: Estimate, current: Callable[[], Reference | None] | None) -> None:
         """Takes an update that is due; `current` returns the reference that is flown.
 
-        It is short: in ordinary flight it compares numbers, and asks for the reference at few updates.
+        It is short: in ordinary flight it compares numbers, and requests the reference at few updates.
         """
         self.due_s = snapshot.time_s + _EVERY_S
         if self._is_released:

@@ -181,7 +181,7 @@ class GeofencePolicy:
         return self._now(snapshot).fence
 
     def _now(self, snapshot: Snapshot) -> _CachedFence:
-        """Returns what holds now, which each setpoint asks for: the same as before, unless something has changed."""
+        """Returns what holds now, which each setpoint requests: the same as before, unless something has changed."""
         own = snapshot.autopilot_fence
         place = self._resolver.frames_version() if self._is_configured else self._resolver.odom_z_m
         earth = snapshot.earth

@@ -1,4 +1,4 @@
-"""The lease: one program at a time that flies, where somebody asks for it.
+"""The lease: one program at a time that flies, where somebody requests it.
 
 Each command is given with the identifier of a lease, or with none. It may begin if that is the identifier of the lease
 that is held, or if neither is there: one comparison, which costs a stream of setpoints nothing.

@@ -1,6 +1,6 @@
 """Serves the metrics over HTTP, by threads of their own.
 
-Nothing that flies waits for them. The values are gathered at most twice a second, however often they are asked for.
+Nothing that flies waits for them. The values are gathered at most twice a second, however often they are requested.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Gathers the metrics of the UAVs of one process: nearly all are read when they are asked for, not counted before."""
+"""Gathers the metrics of the UAVs of one process: nearly all are read when they are requested, not counted before."""
 
 from __future__ import annotations
 

@@ -28,7 +28,7 @@ class SetpointMeter:
 
     A setpoint is due one `period_s` after the one before it, while the UAV is in a state in which UAL sends them. It is
     late by what passes beyond that. After a change to a state in which none are due, and after a gap in which UAL gives
-    a flight up, the next one begins anew. A lost link, or a stopped process, is lateness: setpoints were due.
+    a flight up, the next one begins again. A lost link, or a stopped process, is lateness: setpoints were due.
     """
 
     def __init__(self, now_s: Callable[[], float], period_s: float) -> None:

@@ -28,7 +28,7 @@ class UavAnnouncement:
     is_watch_only: bool = False
 
     def report(self, host: str) -> UavReport:
-        """Returns what is told now; `host` is how other computers call this one."""
+        """Returns what is reported now; `host` is how other computers call this one."""
         return UavReport(
             self.ns,
             wire.small(self.telemetry()),

@@ -1,6 +1,6 @@
 """Tells the network of the UAVs of this process, on a thread of its own.
 
-It asks for samples as any reader does, and yields between two UAVs. So a flight never waits for it. While no router
+It requests samples as any reader does, and yields between two UAVs. So a flight never waits for it. While no router
 answers it tries again, and says so once.
 """
 
@@ -120,7 +120,7 @@ class Publisher:
                 self._guard.contain(partial(publication.put, replace(report, uavs=(uav,))))
 
     def reports(self, period_s: float) -> Iterator[Report]:
-        """Makes what is told at once, in pieces, and leaves time to others between two UAVs."""
+        """Makes what is reported at once, in pieces, and leaves time to others between two UAVs."""
         pause_s = min(_PAUSE_S, period_s / 4.0 / len(self._uavs))
         for begin in range(0, len(self._uavs), _MOST_IN_REPORT):
             told: list[UavReport] = []

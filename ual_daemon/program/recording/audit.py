@@ -72,7 +72,7 @@ class _UavAudit(CallObserver):
 
 
 def _entry(waiting: _QueuedEntry, guard: WorkGuard) -> dict[str, Any]:
-    """Returns the line of a call; one without its content where that cannot be told."""
+    """Returns the line of a call; one without its content where that cannot be reported."""
     record = waiting.record
     call = {
         "time": time_text(waiting.utc),

@@ -76,10 +76,10 @@ class AuditOutput(ABC):
 
     def file_loss(self, now: datetime) -> str:
         """Returns what has become of the file since the last time, human-readable; empty if it is there. One that is
-        lost is begun anew, with what is not written.
+        lost is begun again, with what is not written.
 
         Raises:
-            AuditError: It is lost, and cannot be begun anew now.
+            AuditError: It is lost, and cannot be begun again now.
 
         """
         return ""

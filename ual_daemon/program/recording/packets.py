@@ -1,4 +1,4 @@
-"""Raw packets in a recording: bytes as they were on the wire, so that a flight can be decoded anew."""
+"""Raw packets in a recording: bytes as they were on the wire, so that a flight can be decoded again."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 _log = logging.getLogger(__name__)
 
 _PICTURE_S = 1.0
-"""Seconds for which the end of the daemon waits for a picture that is under way."""
+"""Seconds for which the end of the daemon waits for a picture that is in progress."""
 _INFO_S = 1.0
 """Seconds between two checks whether the vehicle's info has changed."""
 

@@ -1,4 +1,4 @@
-"""A file that is read anew when it has changed, without a restart."""
+"""A file that is read again when it has changed, without a restart."""
 
 from __future__ import annotations
 

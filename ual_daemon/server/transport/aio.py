@@ -58,7 +58,7 @@ class AioServer(TransportServer):
     """A server that hands each call to `take`, on the event loop.
 
     ``grpc.aio`` ends its server after some errors, for example if the path of a request is no UTF-8. Then another one
-    takes its place; calls that are under way go on.
+    takes its place; calls that are in progress go on.
     """
 
     def __init__(self, options: Options, take: Callable[[ServedCall], None], deferral: Deferral) -> None:
@@ -169,13 +169,13 @@ class _OperationWorker:
         self._task: asyncio.Task[None] | None = None
 
     def start(self, operation: Coroutine[Any, Any, None]) -> None:
-        """Awaits it, after the one under way."""
+        """Awaits it, after the one in progress."""
         self._next = operation
         if self._task is None:
             self._task = asyncio.create_task(self._run())
 
     def cancel(self) -> None:
-        """Gives up the operation under way."""
+        """Gives up the operation in progress."""
         if self._task is not None:
             self._task.cancel()
         if self._next is not None:

@@ -21,7 +21,7 @@ MakeCredentials: TypeAlias = Callable[[], grpc.ServerCredentials]
 class ServedCall(Protocol):
     """One call: what is received and sent in it, as bytes.
 
-    Its methods may be called from any thread. One `receive` and one `send` may be under way at the same time.
+    Its methods may be called from any thread. One `receive` and one `send` may be in progress at the same time.
     """
 
     method: str

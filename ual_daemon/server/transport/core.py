@@ -1,7 +1,7 @@
 """The transport on gRPC's core, without the layers of Python above it: one thread waits for events and calls back.
 
 The only module that uses the binding to the core (`grpc._cython.cygrpc`), which gRPC does not promise to keep:
-Decision 17. Operations are those of ``grpc/grpc.h`` and follow its rules; of each kind one may be under way.
+Decision 17. Operations are those of ``grpc/grpc.h`` and follow its rules; of each kind one may be in progress.
 """
 
 from __future__ import annotations

@@ -44,7 +44,7 @@ class Deferral:
 
 
 def _listening(ports: Collection[int]) -> Iterator[socket.socket]:
-    """Yields this process's listening sockets of the ports, each until the next is asked for."""
+    """Yields this process's listening sockets of the ports, each until the next is requested."""
     for descriptor in _sockets():
         with suppress(OSError), socket.socket(fileno=os.dup(descriptor)) as each:
             is_internet = each.family in (socket.AF_INET, socket.AF_INET6) and each.type == socket.SOCK_STREAM

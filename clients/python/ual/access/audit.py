@@ -1,7 +1,7 @@
 """The chain of an audit: each line carries a hash of itself and of the hash of the line before.
 
 A line that is changed, removed, added or swapped breaks the chain there. A program that can write the file could
-compute all hashes anew, and lines cut off at the end leave a shorter chain that is whole. For both, compare the last
+compute all hashes again, and lines cut off at the end leave a shorter chain that is whole. For both, compare the last
 hash with one that was kept elsewhere (the daemon logs it).
 """
 

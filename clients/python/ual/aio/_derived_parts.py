@@ -131,7 +131,7 @@ class Cameras:
     __iter__ = None  # Python would else count numbers without an end
 
     async def get_all(self) -> list[CameraInfo]:
-        """Returns all cameras that were found, also those that are not heard any more."""
+        """Returns all cameras that were found, including those from which nothing is received any more."""
         return await self._connection.run(_camera_calls.get_all())
 
 
@@ -162,7 +162,7 @@ class Fence:
         """Returns what the autopilot keeps, read from it now.
 
         Raises:
-            LinkLostError: It is not heard.
+            LinkLostError: Nothing is received from it.
             RejectedByAutopilotError: It refuses, or what it has is no fence.
             UalTimeoutError: It has not answered.
 
@@ -186,7 +186,7 @@ class Fence:
             GeofenceError: The UAV is not where the fence lets it be.
             RejectedByAutopilotError: It refuses an item, or keeps another one.
             LeaseHeldError: Another program holds the lease.
-            LinkLostError: It is not heard.
+            LinkLostError: Nothing is received from it.
             UalTimeoutError: It has not answered: it is not known what it has now.
 
         """
@@ -202,7 +202,7 @@ class Fence:
         Raises:
             WrongStateError: The UAV is armed, or that is not known.
             LeaseHeldError: Another program holds the lease.
-            LinkLostError: It is not heard.
+            LinkLostError: Nothing is received from it.
             UalTimeoutError: It has not answered: it is not known what it has now.
 
         """
@@ -215,7 +215,7 @@ class Fence:
             WrongStateError: The UAV is armed, or that is not known. Or an upload of zones or rally points was cut off.
             LeaseHeldError: Another program holds the lease.
             RejectedByAutopilotError: It keeps another value of a parameter.
-            LinkLostError: It is not heard.
+            LinkLostError: Nothing is received from it.
             UalTimeoutError: It has not answered.
 
         """
@@ -228,7 +228,7 @@ class Fence:
             WrongStateError: The UAV is armed, or that is not known.
             LeaseHeldError: Another program holds the lease.
             RejectedByAutopilotError: It keeps another value of a parameter.
-            LinkLostError: It is not heard.
+            LinkLostError: Nothing is received from it.
             UalTimeoutError: It has not answered.
 
         """
@@ -337,7 +337,7 @@ class Gimbals:
     __iter__ = None  # Python would else count numbers without an end
 
     async def get_all(self) -> list[GimbalInfo]:
-        """Returns all gimbals that were found, also those that are not heard any more."""
+        """Returns all gimbals that were found, including those from which nothing is received any more."""
         return await self._connection.run(_gimbal_calls.get_all())
 
 
@@ -409,7 +409,7 @@ class Logs:
 
         Raises:
             RejectedByAutopilotError: It gives none now, in its own words.
-            LinkLostError: It is not heard.
+            LinkLostError: Nothing is received from it.
             UalTimeoutError: It has not answered.
 
         """
@@ -424,9 +424,9 @@ class Logs:
 
         Raises:
             InvalidArgumentError: There is no such log, or it ends before the offset.
-            ResourceExhaustedError: Another download is under way.
+            ResourceExhaustedError: Another download is in progress.
             RejectedByAutopilotError: The autopilot refuses it, or the log has become shorter.
-            LinkLostError: It is not heard.
+            LinkLostError: Nothing is received from it.
             UalTimeoutError: It has not answered.
 
         """
@@ -463,7 +463,7 @@ class Mission:
             WrongStateError: The autopilot flies a mission now.
             RejectedByAutopilotError: It keeps another one.
             LeaseHeldError: Another program holds the lease.
-            LinkLostError: It is not heard.
+            LinkLostError: Nothing is received from it.
             UalTimeoutError: It has not answered: download what it has now.
 
         """
@@ -473,7 +473,7 @@ class Mission:
         """Returns the mission that the autopilot has, read now, whichever program uploaded it.
 
         Raises:
-            LinkLostError: It is not heard.
+            LinkLostError: Nothing is received from it.
             UalTimeoutError: It has not answered.
 
         """
@@ -486,7 +486,7 @@ class Mission:
             WrongStateError: The autopilot flies a mission now.
             RejectedByAutopilotError: It keeps it.
             LeaseHeldError: Another program holds the lease.
-            LinkLostError: It is not heard.
+            LinkLostError: Nothing is received from it.
             UalTimeoutError: It has not answered: download what it has now.
 
         """
@@ -509,7 +509,7 @@ class Mission:
             InvalidArgumentError: It has an item that UAL does not know; the metadata `item` names it.
             GeofenceError: As `plan`.
             LeaseHeldError: Another program holds the lease.
-            LinkLostError: The autopilot is not heard.
+            LinkLostError: Nothing is received from the autopilot.
             UalTimeoutError: It has not answered.
 
         """
@@ -602,7 +602,7 @@ class Parameters:
 
         Raises:
             InvalidArgumentError: It has none of this name.
-            LinkLostError: It is not heard.
+            LinkLostError: Nothing is received from it.
             UalTimeoutError: It has not answered. Not every autopilot says that it has none of a name.
 
         """
@@ -612,7 +612,7 @@ class Parameters:
         """Returns all parameters, read from the autopilot now. That may take minutes over a slow link.
 
         Raises:
-            LinkLostError: It is not heard.
+            LinkLostError: Nothing is received from it.
             UalTimeoutError: Some have not come; the metadata `missing` says how many.
 
         """
@@ -632,7 +632,7 @@ class Parameters:
             InvalidArgumentError: There is none of this name, or the value does not fit its type or its range.
             RejectedByAutopilotError: The autopilot has kept another value, which the metadata `kept` has.
             LeaseHeldError: Another program holds the lease.
-            LinkLostError: It is not heard.
+            LinkLostError: Nothing is received from it.
             UalTimeoutError: It has not answered: it is not known whether it was written.
 
         """

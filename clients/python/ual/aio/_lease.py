@@ -55,7 +55,7 @@ class Lease:
         return self
 
     async def release(self) -> None:
-        """Ends it: what is under way is aborted, and the UAV holds its position."""
+        """Ends it: what is in progress is aborted, and the UAV holds its position."""
         if self._keeping is None:
             return
         keeping, self._keeping = self._keeping, None

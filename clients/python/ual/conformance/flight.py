@@ -63,7 +63,7 @@ class Tolerances:
     the light simulation.
 
     `wander_m` is how far the estimate may drift within some seconds in which nothing corrects it; it is added when a
-    path is judged. Ratios are relative to the length of a leg. `patience` is how many times longer than expected
+    path is assessed. Ratios are relative to the length of a leg. `patience` is how many times longer than expected
     something may take.
     """
 
@@ -145,7 +145,7 @@ class Flight:
         self.uav = uav
         self.info = uav.info()
         self.has_pilot = _offers(uav, SimulationPart.PILOT)
-        # A simulation that offers noise has none unless it is asked for, as the light one.
+        # A simulation that offers noise has none unless it is requested, as the light one.
         is_exact = _offers(uav, SimulationPart.NOISE)
         self.tolerances = tolerances or (Tolerances.of_simulation() if is_exact else Tolerances())
         self._ask_operator = ask_operator
@@ -434,7 +434,7 @@ class Flight:
         require(farthest_m <= allowed_m, f"{farthest_m:.2f} m beyond the goal, more than {allowed_m:.2f} m")
 
     def fly_velocity(self, send: Callable[[], None], until: Callable[[Telemetry], bool], what: str) -> Telemetry:
-        """Sends a velocity again and again, as programs do, until a condition is fulfilled. Returns that sample."""
+        """Sends a velocity repeatedly, as programs do, until a condition is fulfilled. Returns that sample."""
         assert self._observer is not None
         start_s: float | None = None
         limit_s = 10.0 * self.tolerances.patience

@@ -37,7 +37,7 @@ def a_paused_task_holds_and_goes_on(flight: Flight) -> None:
 
 
 def _require_route(flight: Flight, task: Task, start: Vector3, goal: Vector3) -> None:
-    """Requires that the way of a go-to is told: the straight line from where it began to its goal, in `map`."""
+    """Requires that the way of a go-to is reported: the straight line from where it began to its goal, in `map`."""
     route = flight.uav.route()
     require(route is not None, "the way of the running task is not told")
     assert route is not None

@@ -148,7 +148,7 @@ class _Opened(ABC):
 
     @property
     def is_connected(self) -> bool:
-        """False once its cable was pulled; it stays so, also when the device is back: open it anew."""
+        """False once its cable was pulled; it stays so, also when the device is back: open it again."""
         self._sdl.pump()
         return self._is_attached()
 

@@ -62,7 +62,7 @@ class _MovedControls:
 class Mapper:
     """Asks for each axis and button in turn.
 
-    Give it what the device says, again and again, and show its `question` and its `note`. Before it begins, all axes
+    Give it what the device says, repeatedly, and show its `question` and its `note`. Before it begins, all axes
     must have been moved once, as some devices say 0 until then, and all must be at rest again.
 
     Args:
@@ -99,7 +99,7 @@ class Mapper:
             self._answer(self.question.target, seen)
 
     def skip(self) -> None:
-        """Leaves out what is asked for: the device has no such axis or button."""
+        """Leaves out what is requested: the device has no such axis or button."""
         if self.question is not None:
             self._on_answer(None)
 

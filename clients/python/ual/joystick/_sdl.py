@@ -42,7 +42,7 @@ class Sdl:
                 part.init()
 
     def pump(self) -> None:
-        """Reads all joysticks anew. Does nothing if the program has a window: its own loop of events does it."""
+        """Reads all joysticks again. Does nothing if the program has a window: its own loop of events does it."""
         if not self._has_display:
             self.pygame.event.clear()
 

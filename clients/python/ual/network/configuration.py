@@ -123,9 +123,8 @@ def access_control(site: str, publishers: Sequence[str], observers: Sequence[str
 
 
 def _access_among_peers(site: str, publishers: Sequence[str]) -> Json:
-    """Returns the rules of a program on a LAN without routers.
-
-    It takes each UAV's word from that UAV only, and reports to every holder of a certificate of the team.
+    """Returns the rules of a program on a LAN without routers. It takes each UAV's word from that UAV only. Every
+    holder of a certificate of the team may listen.
     """
     everything = [keys.all_of(site)]
     common = [

@@ -32,7 +32,7 @@ class Followed:
         names: Callable[[], Collection[str]] = tuple,
     ) -> None:
         self.ns = ns
-        """Its name; where none was given, that of the only one, once `address` was asked for."""
+        """Its name; where none was given, that of the only one, once `address` was requested."""
         self._names = names
         self._called = called
         self._where = where
@@ -41,7 +41,7 @@ class Followed:
 
     @property
     def is_settled(self) -> bool:
-        """Whether its address can be asked for: a UAV that is there and was not heard yet would count as missing."""
+        """Whether its address can be requested: a UAV that is there and was not received yet would count as missing."""
         return self._last is not None or self._is_settled()
 
     def address(self) -> str:

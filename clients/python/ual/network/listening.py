@@ -44,8 +44,8 @@ _MOST_ASKED = 8
 class Network:
     """The UAVs of a site, from the construction until `close`. Any thread may call.
 
-    In a forked process nothing is heard any more: clients go on with the addresses that were known, and all else raises
-    `ClientUnusableError`.
+    In a forked process nothing is received any more: clients go on with the addresses that were known, and all else
+    raises `ClientUnusableError`.
 
     Args:
         config: A file (`ual.network.settings`), the settings themselves, or ``loopback``: this computer only.
@@ -132,7 +132,7 @@ class Network:
             return self._roster.uavs()
 
     def find(self, ns: str) -> NetworkUav:
-        """Returns a UAV by its name, of those that were heard until now: see `wait_until_complete`.
+        """Returns a UAV by its name, of those that were received until now: see `wait_until_complete`.
 
         Raises:
             DaemonUnreachableError: There is none.
@@ -181,8 +181,8 @@ class Network:
     def wait_until_complete(self, timeout_s: float = _JOIN_S) -> bool:
         """Waits until each daemon that is there has told of all its UAVs, or for the whole time where none is there.
 
-        One that is there for 2 s and has not told is not waited for: `unseen` names it. Returns whether that was so in
-        time.
+        One that is there for 2 s and has not reported is not waited for: `unseen` names it. Returns whether that was so
+        in time.
         """
         return self.wait_for(
             lambda _: time.monotonic() - self._since_s >= _LEAST_LOOK_S and self._is_complete, timeout_s
@@ -201,7 +201,7 @@ class Network:
         return True
 
     def close(self) -> None:
-        """Leaves the network. What was heard last stays to be read."""
+        """Leaves the network. What was received last stays to be read."""
         if self._is_closed:
             return
         self._is_closed = True

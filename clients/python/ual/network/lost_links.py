@@ -43,7 +43,7 @@ def option() -> int | None:
 
 
 class LostLinks:
-    """Sees to the connections of a session. `keep` is to be called again and again, on one thread.
+    """Sees to the connections of a session. `keep` is to be called repeatedly, on one thread.
 
     Args:
         links: Returns the connections that there are now.

@@ -135,12 +135,12 @@ class Member:
 
     @property
     def ns(self) -> str:
-        """Its name; where none was given, that of the only one, once `address` was asked for."""
+        """Its name; where none was given, that of the only one, once `address` was requested."""
         return self._ns if self._followed is None else self._followed.ns
 
     @property
     def is_settled(self) -> bool:
-        """Whether the address can be asked for: the network is joined and heard, or cannot be joined."""
+        """Whether the address can be requested: the network is joined and heard, or cannot be joined."""
         if self._followed is not None:
             return self._followed.is_settled
         if self._attempt is None:

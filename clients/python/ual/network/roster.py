@@ -1,8 +1,8 @@
 """Roster of the network: from tokens and reports to UAVs. Pure: the time is given, and nothing is sent.
 
-A process counts as present while it shows its liveliness token, and is heard. What it tells is taken only with the
-token, and only of UAVs for which its key says that it may speak. Two processes that tell of one name are told apart.
-Each limit is one of a publisher, whose name is that of its certificate.
+A process counts as present while it shows its liveliness token, and its messages arrive. What it tells is taken only
+with the token, and only of UAVs for which its key says that it may speak. Two processes that tell of one name are told
+apart. Each limit is one of a publisher, whose name is that of its certificate.
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ class Roster:
             self._processes.setdefault(source.publisher, {})[source] = _RosterProcess(since_s)
 
     def _make_room(self, publisher: str, now_s: float) -> float | None:
-        """Makes room for one more process of a publisher: of the one that is gone for longest, or was never heard.
+        """Makes room for one more process of a publisher: of the one that is gone for longest, or was never received.
 
         Returns since when the new one counts as there: a publisher with ever new ones is not waited for. None where
         there is no room.
@@ -200,7 +200,7 @@ class Roster:
     def is_complete(self, now_s: float) -> bool:
         """Returns whether each process that is there has told of all its UAVs, or had the time for it: see `unseen`.
 
-        None may have been heard yet: that is not so.
+        None may have been received yet: that is not so.
         """
         there = [process for _, process in self._all() if process.gone_s is None]
         return bool(there) and not any(process.is_awaited(now_s) for process in there)

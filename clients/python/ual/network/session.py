@@ -179,7 +179,7 @@ class RouterSession:
             time.sleep(_LOOK_S)
 
     def keep_links(self) -> None:
-        """Sees to it that connections without an answer end; to be called again and again."""
+        """Sees to it that connections without an answer end; to be called repeatedly."""
         self._links.keep()
 
     look = renamed(keep_links, "RouterSession.look")

@@ -110,14 +110,14 @@ class PayloadRecorder:
                 self._threads.append(thread)
 
     def _run(self, look: Callable[[], bool], period_s: float) -> None:
-        """Looks again and again, as long as that says that there may be something."""
+        """Looks repeatedly, as long as that says that there may be something."""
         is_on = True
         while is_on and not self._closing.wait(period_s):
             try:
                 is_on = look()
             except NotSupportedError:  # by this backend: so it stays
                 return
-            except UalError:  # what cannot be had now is asked for again
+            except UalError:  # what cannot be had now is requested again
                 continue
             except Exception as error:  # noqa: BLE001  nor does what a device tells end its thread
                 self._guard.note(error)
@@ -146,7 +146,7 @@ class PayloadRecorder:
         return True
 
     def _position(self, frame_id: str) -> Vector3 | None:
-        """Returns where a gimbal is in the body; None while that is not told, as it does not say where it looks."""
+        """Returns where a gimbal is in the body; None while that is not reported, as it does not say where it looks."""
         found = {each.frame_id: each.transform for each in self._frames()}
         transform = found.get(frame_id)
         return None if transform is None else transform.translation
@@ -156,7 +156,7 @@ class PayloadRecorder:
     def _record_equipment(self) -> bool:
         """Records the states, if they have changed.
 
-        Where there are none it asks again: the daemon may be started anew, with others in its configuration.
+        Where there are none it asks again: the daemon may be started again, with others in its configuration.
         """
         found = self._gripper.get_all()
         if found != (self._equipment or Equipment()):

@@ -39,12 +39,12 @@ class FrameChanges:
         return found
 
     def forget(self) -> None:
-        """Has all of them recorded anew, in a further file."""
+        """Has all of them recorded again, in a further file."""
         self._due_ns = 0
 
 
 class FrameRecording:
-    """Records the frames of one UAV on a thread of its own, from its making to `close`. `frames` asks for them."""
+    """Records the frames of one UAV on a thread of its own, from its making to `close`. `frames` requests them."""
 
     def __init__(
         self, ns: str, frames: Callable[[], Sequence[Frame]], topics: TelemetryTopics, recorder: Recorder
@@ -69,7 +69,7 @@ class FrameRecording:
             try:
                 now_ns = self._recorder.clock.now_ns()
                 due = self._changes.due(self._frames(), now_ns)
-            except UalError:  # what cannot be had now is asked for again
+            except UalError:  # what cannot be had now is requested again
                 continue
             except Exception as error:  # noqa: BLE001  nor does what a daemon tells end its thread
                 self._guard.note(error)

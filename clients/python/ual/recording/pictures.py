@@ -117,14 +117,14 @@ class PictureRecorder:
         self._thread.start()
 
     def close(self, limit_s: float | None = None) -> None:
-        """Ends, once the picture under way has come, or after a limit."""
+        """Ends, once the picture in progress has come, or after a limit."""
         self._closing.set()
         self._thread.join(limit_s)
 
     def _run(self) -> None:
         while not self._closing.wait(_LOOK_S):
             self._try(self._poll)
-        self._try(self._poll)  # what was taken meanwhile is told, without its bytes
+        self._try(self._poll)  # what was taken meanwhile is reported, without its bytes
 
     def _poll(self) -> None:
         for info in self._cameras.get_all():
@@ -148,7 +148,7 @@ class PictureRecorder:
         self.figures = self.figures._replace(without_bytes_count=self.figures.without_bytes_count + 1, reason=reason)
 
     def _try(self, act: Callable[[], None]) -> bool:
-        """Returns whether it was done. What cannot be had now is asked for again, or counted."""
+        """Returns whether it was done. What cannot be had now is requested again, or counted."""
         try:
             act()
         except UalError as error:

@@ -137,7 +137,7 @@ class Recorder:
         self._turnover = turnover or Turnover()
         self._make_file = make_file
         self._entries: deque[Entry] = deque()
-        self._bytes = 0  # about: threads that add at the same time may lose one. It begins anew with an empty queue
+        self._bytes = 0  # about: threads that add at the same time may lose one. It begins again with an empty queue
         self._lost_lock = threading.Lock()
         self._lost_count = 0
         self._logged_lost_count = 0

@@ -69,7 +69,7 @@ class TelemetryTopics:
             output.write(self._location, fix.SerializeToString(), log_ns, stamp_ns)
 
     def write_frames(self, output: Output, entry: Entry) -> None:
-        """Writes frames, as they are told and as viewers draw them: those of `FrameChanges.due`."""
+        """Writes frames, as they are reported and as viewers draw them: those of `FrameChanges.due`."""
         frames: Sequence[Frame] = entry.value
         told = pb.ListFramesResponse(frames=[uav.frame_to_proto(frame) for frame in frames])
         output.write(self._frames, told.SerializeToString(), entry.log_ns, entry.log_ns)

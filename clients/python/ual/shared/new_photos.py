@@ -1,4 +1,4 @@
-"""Tells each picture of a camera once, also where its daemon was started anew meanwhile."""
+"""Tells each picture of a camera once, also where its daemon was started again meanwhile."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from ual.interface import Camera
 
 
 class NewPhotos:
-    """Of one camera. Numbers begin again with each daemon: the last picture then is not the one that was told."""
+    """Of one camera. Numbers begin again with each daemon: the last picture then is not the one that was reported."""
 
     def __init__(self) -> None:
         self._last: Photo | None = None

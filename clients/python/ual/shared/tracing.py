@@ -38,7 +38,7 @@ _log = logging.getLogger(__name__)
 
 
 def is_wanted(environment: Mapping[str, str] = os.environ) -> bool:
-    """Returns whether the environment asks for traces: it has a variable of OpenTelemetry, and none of them forbids
+    """Returns whether the environment requests traces: it has a variable of OpenTelemetry, and none of them forbids
     traces.
     """
     if not any(name.startswith("OTEL_") for name in environment):
@@ -49,7 +49,7 @@ def is_wanted(environment: Mapping[str, str] = os.environ) -> bool:
 
 @lru_cache(maxsize=1)
 def of_environment() -> Tracing | None:
-    """Returns the traces that the environment asks for; None where it does not, or where the packages are missing."""
+    """Returns the traces that the environment requests; None where it does not, or where the packages are missing."""
     if not is_wanted():
         return None
     try:

@@ -2,7 +2,7 @@
 
 ``x_to_proto`` makes a message, ``x_from_proto`` a value. A reader of a message of which a caller may leave out a
 part takes `field`, the name of the message in its request. It raises `InvalidArgumentError` that names the missing part
-(``waypoint.pose.position: not set``). Values themselves (NaN, magnitudes) are judged by the daemon's validation,
+(``waypoint.pose.position: not set``). Values themselves (NaN, magnitudes) are assessed by the daemon's validation,
 not here. Poses and twists flow often: their functions set fields one by one, the fastest way in protobuf.
 """
 

@@ -54,7 +54,7 @@ def report_from_bytes(data: bytes) -> Report:
 
 
 def small(telemetry: Telemetry) -> Telemetry:
-    """Returns the part of a sample that is told over the network."""
+    """Returns the part of a sample that is reported over the network."""
     t = telemetry
     return Telemetry(
         state=t.state,

@@ -47,7 +47,7 @@ class NetworkSite:
 
 
 def write(directory: Path, site: NetworkSite) -> list[Path]:
-    """Writes all files anew, beside the certificates. Returns them.
+    """Writes all files again, beside the certificates. Returns them.
 
     Raises:
         OSError: A certificate is missing, or a file cannot be written.

@@ -65,7 +65,7 @@ class LogFile:
         return True
 
     def _opened(self, now_s: float) -> int:
-        """Returns the file, opened anew where it was moved or removed."""
+        """Returns the file, opened again where it was moved or removed."""
         if self._file is not None and now_s < self._look_s and not self._missing_count:
             return self._file
         if self._file is None or output_file.loss_of(self._path, self._file):

@@ -15,7 +15,7 @@ from ual_tools.launch.ready import address_of, until_ready
 from ual_tools.launch.team import Program, ReadyCondition, Restart
 
 _PAUSES_S = (0.0, 1.0, 2.0, 4.0, 8.0)
-"""Before each new start. A daemon that dies in flight is missed at once; one that dies again and again is given up."""
+"""Before each new start. A daemon that dies in flight is missed at once; one that dies repeatedly is given up."""
 _GOOD_S = 60.0
 """Seconds of running after which a program begins with the first pause again."""
 _WRONG_CONFIGURATION = 2
@@ -110,7 +110,7 @@ class Supervisor:
         status = await process.wait()
         following.cancel()
         await asyncio.wait((following,))
-        process.signal(signal.SIGKILL)  # what it has left behind: a program that is started anew needs its ports
+        process.signal(signal.SIGKILL)  # what it has left behind: a program that is started again needs its ports
         self.address = None
         self._judge(process, status)
         return status

@@ -72,7 +72,7 @@ class Feed:
 
 @contextmanager
 def feeding(feed: Feed) -> Iterator[None]:
-    """Updates a board again and again while the block runs."""
+    """Updates a board repeatedly while the block runs."""
     feed.update()
     is_closing, guard = threading.Event(), WorkGuard("network")
 

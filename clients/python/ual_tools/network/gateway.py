@@ -150,7 +150,7 @@ def _upstream(uav: NetworkUav) -> str:
 
 
 def _tell_nginx(pid_file: Path | None, say: Callable[[str], None]) -> None:
-    """Has nginx read the list anew. Calls that are under way go on."""
+    """Has nginx read the list again. Calls that are in progress go on."""
     if pid_file is None:
         return
     try:

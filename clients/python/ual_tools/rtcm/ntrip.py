@@ -30,8 +30,8 @@ Position = Callable[[], GeoPoint | None]
 class NtripSource(CorrectionsSource):
     """A mount point of a caster. `position` is told to the caster at once and then each `gga_s`.
 
-    Where that is None, the caster's table says whether it wants to be told. What the table does not say is told where
-    it is known: a caster that computes for a place sends nothing before, and others do not mind.
+    Where that is None, the caster's table says whether it wants to be reported. What the table does not say is told
+    where it is known: a caster that computes for a place sends nothing before, and others do not mind.
     """
 
     def __init__(self, caster: Caster, position: Position, gga_s: int | None = None) -> None:

@@ -15,7 +15,7 @@ EXTRA = "ual-tools[rtk]"
 WAIT_S = 0.5
 """The longest time in which nothing is yielded."""
 SILENCE_S = 30.0
-"""Seconds of silence after which a source is opened anew. Base stations send each second."""
+"""Seconds of silence after which a source is opened again. Base stations send each second."""
 CONNECT_S = 10.0
 _READ_BYTES = 2048
 _USUAL_BAUD = 115_200

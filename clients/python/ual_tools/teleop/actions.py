@@ -6,7 +6,7 @@ from enum import Enum
 
 
 class Action(Enum):
-    """One press of a key or button. The device asks for a confirmation before it gives one of `CONFIRMED`."""
+    """One press of a key or button. The device requests a confirmation before it gives one of `CONFIRMED`."""
 
     TAKE_OFF = "take-off"
     LAND = "land"

@@ -81,7 +81,7 @@ class Menu:
         return "" if action is None else f"{action.value}? Enter confirms"
 
     def action(self, key: bytes, now_s: float) -> Action | None:
-        """Returns the action that a key asks for; None if it asks for none, or for one that must be confirmed."""
+        """Returns the action that a key requests; None if it requests none, or for one that must be confirmed."""
         asked, self._asked = self._waiting(now_s), None
         if key in _CONFIRM:
             return asked
@@ -122,7 +122,7 @@ class Steps:
         self._stepped: dict[bytes, float] = {}
 
     def step(self, key: bytes, now_s: float) -> Sticks:
-        """Returns the step that a key asks for, centred if none."""
+        """Returns the step that a key requests, centred if none."""
         if key not in _STICKS:
             return CENTRED
         is_repeat = now_s - self._last.get(key, -math.inf) < _REPEAT_S

@@ -1,4 +1,4 @@
-"""``ual teleop joystick --map``: asks for each axis and button of a device, and saves the mapping."""
+"""``ual teleop joystick --map``: requests each axis and button of a device, and saves the mapping."""
 
 from __future__ import annotations
 

@@ -220,7 +220,7 @@ class Pilot:
     # --- Actions ------------------------------------------------------------------------------------------------------
 
     def act(self, action: Action) -> None:
-        """Does what a key or button asks for. How it ended is shown later."""
+        """Does what a key or button requests. How it ended is shown later."""
         height_m = self._height_m
         match action:
             case Action.TAKE_OFF:

@@ -1,4 +1,4 @@
-"""Makes an even deflection out of a key: terminals send no release, only the key again and again while it is held.
+"""Makes an even deflection out of a key: terminals send no release, only the key repeatedly while it is held.
 
 The first repeat comes 225 to 660 ms after the press (the defaults of macOS, Linux and X11), the others 25 to 92 ms
 apart. So a press alone cannot tell a tap from a key that is held. It deflects the axis by `TAP_DEFLECTION` and keeps

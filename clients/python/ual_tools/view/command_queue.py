@@ -21,7 +21,7 @@ from ual_tools.view.orders import Order
 _MOST_ASKED, _MOST_RUN = 4, 32
 """Most orders of a page that may wait for their answers: questions, and commands."""
 _VALID_S = 30.0
-"""A proposal that is older is asked anew: the UAV may have moved."""
+"""A proposal that is older is asked again: the UAV may have moved."""
 
 
 @dataclass(frozen=True)

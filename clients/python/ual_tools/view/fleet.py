@@ -135,7 +135,7 @@ class PageFleet:
             while not is_ended.wait(_LOOK_S):
                 self._poll(ns, member)
         finally:
-            if self._members.get(ns) is member:  # else it was connected to anew
+            if self._members.get(ns) is member:  # else it was connected to again
                 self._members.pop(ns)
 
     def _poll(self, ns: str, member: PageMember) -> None:
@@ -176,7 +176,7 @@ class PageFleet:
             member.running[present] = None
 
     def _poll_route(self, member: PageMember, telemetry: Telemetry | None, now_s: float) -> None:
-        """Asks for the way that is flown: of a task once, to a goal that moves again and again."""
+        """Asks for the way that is flown: of a task once, to a goal that moves repeatedly."""
         route = member.route
         if telemetry is None or telemetry.reference_pose is None:
             member.route = None

@@ -1,6 +1,6 @@
 """Source of a map's pictures: the user's own server, a directory of tiles, or one picture. Draws nothing.
 
-`ual view` asks for them, not the browser: the page loads nothing from elsewhere.
+`ual view` requests them, not the browser: the page loads nothing from elsewhere.
 """
 
 from __future__ import annotations

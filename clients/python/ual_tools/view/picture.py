@@ -25,7 +25,7 @@ class Moment:
 
 
 class PagePicture:
-    """Looks at the board again and again, and remembers the tracks."""
+    """Looks at the board repeatedly, and remembers the tracks."""
 
     def __init__(self, board: Board, journal: Journal) -> None:
         self._board = board

@@ -166,7 +166,7 @@ class Batch:
         self._drawn = (poses, colours)
 
     def _make(self, poses: Sequence[Pose], colours: Sequence[Colour]) -> None:
-        """Begins anew: viser does not change how many there are."""
+        """Begins again: viser does not change how many there are."""
         if self._handle is not None:
             self._handle.remove()
             self._handle = None
@@ -231,7 +231,7 @@ class Drops:
         self._lines = lines
 
     def _make(self, lines: list[Line], marks: list[Colour]) -> None:
-        """Begins anew: it has another number of lines, or other colours."""
+        """Begins again: it has another number of lines, or other colours."""
         self._marks = marks
         if self._handle is not None:
             self._handle.remove()

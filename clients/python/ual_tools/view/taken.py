@@ -36,7 +36,7 @@ class Taken:
         self._kept: deque[Photo] = deque(maxlen=MOST_PLACES)
         self._new: defaultdict[int, NewPhotos] = defaultdict(NewPhotos)
         self._asked_for: tuple[int, Photo] | None = None
-        """The camera and the picture whose bytes were asked for last."""
+        """The camera and the picture whose bytes were requested last."""
         self._late_count = 0
         """Times that the bytes of the picture did not come in time."""
         self._due_s = 0.0

@@ -17,7 +17,7 @@ _LONGEST_PIECE_M = 10.0
 _STRAIGHT = math.cos(math.radians(5.0))
 """A step that turns by less goes on with the piece before: a browser draws few pieces faster."""
 _JUMP_M = 20.0
-"""Between two samples; a UAV that is farther away was set anew, and no line joins the two."""
+"""Between two samples; a UAV that is farther away was set again, and no line joins the two."""
 
 
 @dataclass(frozen=True, slots=True)

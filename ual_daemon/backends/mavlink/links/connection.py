@@ -166,7 +166,7 @@ class LinkConnection(MessageTransport):
     def _fail(self, error: LinkError | OSError, now_s: float) -> None:
         self._link.abort()
         self._is_open = False
-        self._alive_s = now_s  # what was heard until now does not show that it works again
+        self._alive_s = now_s  # what was received until now does not show that it works again
         self._next_open_s = now_s + self._pause_s
         self._pause_s = min(self._pause_s * 2.0, LONGEST_PAUSE_S)
         # An OSError that no link has explained: the system is short of something (descriptors, memory).

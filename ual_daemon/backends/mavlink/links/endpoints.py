@@ -16,7 +16,7 @@ SUPPORTED = (
     "udpin://HOST:PORT or udp://:PORT to listen, udpout://HOST:PORT to call, tcp://HOST:PORT to connect, "
     "tcpin://HOST:PORT to be connected to, serial:///dev/DEVICE:BAUD; behind each of them ?system_id=N"
 )
-EVERY_INTERFACE = "0.0.0.0"  # noqa: S104 - only used where the URL asks for it
+EVERY_INTERFACE = "0.0.0.0"  # noqa: S104 - only used where the URL requests it
 
 _LISTENING = {"udp": True, "udpin": True, "udpout": False, "tcp": False, "tcpout": False, "tcpin": True}
 _FOREIGN = {

@@ -1,4 +1,4 @@
-"""The cameras of a MAVLink vehicle: what any thread asks for goes to the thread that receives."""
+"""The cameras of a MAVLink vehicle: what any thread requests goes to the thread that receives."""
 
 from __future__ import annotations
 

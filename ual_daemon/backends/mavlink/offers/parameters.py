@@ -1,4 +1,4 @@
-"""The parameters of a MAVLink autopilot: what any thread asks for goes to the thread that receives."""
+"""The parameters of a MAVLink autopilot: what any thread requests goes to the thread that receives."""
 
 from __future__ import annotations
 

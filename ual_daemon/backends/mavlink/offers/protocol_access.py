@@ -1,4 +1,4 @@
-"""Access of the services beside flying to the thread that receives."""
+"""Access of the services other than flying to the thread that receives."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """Exchanges with one camera: an order, a picture, its status, and its video streams.
 
-Messages may be lost, doubled and late. Each exchange repeats what it asks for, and ends by itself.
+Messages may be lost, doubled and late. Each exchange repeats what it requests, and ends by itself.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ TRIES_COUNT = 10
 BUSY_S = 12.0
 """Seconds that an order may be in progress, or a picture may take, ..."""
 ASK_S = 1.5
-"""... and seconds without the picture after which the camera is asked for it."""
+"""... and seconds without the picture after which the camera is requested it."""
 MOST_STREAMS = 16
 OLDER_REQUESTS: dict[int, tuple[int, tuple[float, ...]]] = {
     mavlink.MAVLINK_MSG_ID_CAMERA_INFORMATION: (mavlink.MAV_CMD_REQUEST_CAMERA_INFORMATION, (1.0,)),

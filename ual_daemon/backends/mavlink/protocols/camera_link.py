@@ -70,7 +70,7 @@ class _DistanceShot(NamedTuple):
 class CameraLink:
     """Belongs to the thread that receives; `info`, `photos`, `heard_s` and `number` are for any thread.
 
-    One exchange runs at a time, in the order in which they were asked for. `look` returns from where a picture is taken
+    One exchange runs at a time, in the order in which they were requested. `look` returns from where a picture is taken
     now, and `send` sends a message. `carried` returns how what is on a gimbal is mounted now; see `CameraProtocol`.
     """
 
@@ -140,7 +140,7 @@ class CameraLink:
             self._storage_note,
         )
 
-    # --- What is asked for --------------------------------------------------------------------------------------------
+    # --- What is requested --------------------------------------------------------------------------------------------
 
     def order(self, command_id: int, params: Sequence[float], future: Future[None]) -> None:
         """Has the camera do something."""
@@ -171,7 +171,7 @@ class CameraLink:
         self._distance = (distance_m, DistanceTrigger(distance_m))
 
     def stop_distance(self) -> bool:
-        """Ends that. Returns whether it was under way."""
+        """Ends that. Returns whether it was in progress."""
         was_under_way, self._distance = self._distance is not None, None
         return was_under_way
 
@@ -194,7 +194,7 @@ class CameraLink:
         self._add(StreamListing(future, self._line))
 
     def drop(self, error: UalError) -> None:
-        """Ends what is under way, and what waits."""
+        """Ends what is in progress, and what waits."""
         for exchange in (*self._waiting, *([] if self._running is None else [self._running])):
             exchange.fail(error)
         self._waiting.clear()

@@ -46,7 +46,7 @@ class CameraProtocol(Protocol):
 
     `may_be_flying` is whether the vehicle may be in flight: none is taken for another one then.
 
-    A camera keeps its number while the daemon runs, also if it is not heard any more.
+    A camera keeps its number while the daemon runs, also if nothing is received from it any more.
     """
 
     def __init__(self, send: Callable[[Message], object], may_be_flying: Callable[[], bool] = lambda: False) -> None:

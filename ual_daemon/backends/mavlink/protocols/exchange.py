@@ -1,4 +1,4 @@
-"""An exchange with the autopilot: something is asked for, and a future ends with the result."""
+"""An exchange with the autopilot: something is requested, and a future ends with the result."""
 
 from __future__ import annotations
 

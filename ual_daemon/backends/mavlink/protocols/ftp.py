@@ -49,7 +49,7 @@ MOST_WAITING = 100
 CHUNK_BYTES = 32_768
 """Bytes of a file that are read in one step where all of it is wanted."""
 _SESSION = 191
-"""The session that is asked for. ArduPilot takes the client's, so that another program's is another one."""
+"""The session that is requested. ArduPilot takes the client's, so that another program's is another one."""
 _BUSY = {Nak.FAIL, Nak.NO_SESSIONS_AVAILABLE, Nak.INVALID_SESSION}
 _CLOSED = {Nak.INVALID_SESSION, Nak.FILE_NOT_FOUND}
 
@@ -149,7 +149,7 @@ class _StreamRates:
 
 
 class Ftp(Protocol):
-    """Belongs to the thread that receives. One exchange at a time, in the order in which they were asked for.
+    """Belongs to the thread that receives. One exchange at a time, in the order in which they were requested.
 
     Args:
         send: Sends a message.
@@ -247,7 +247,7 @@ class Ftp(Protocol):
             self._running.on_packet(packet, now_s)
             self.tick(now_s)
         elif self._file is not None and packet.requested == Opcode.BURST_READ_FILE:
-            with suppress(FtpNakError):  # the next part of the file will be told
+            with suppress(FtpNakError):  # the next part of the file will be reported
                 self._file.on_burst(packet, now_s)  # a burst goes on between two parts
 
     def run(self, future: Future[T], steps: Steps[T]) -> None:

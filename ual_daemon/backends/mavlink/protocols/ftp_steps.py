@@ -73,7 +73,7 @@ class OpenFile:
         """Offset at which the file has turned out to end before that."""
         self.blocks: dict[int, bytes] = {}
         self.burst: int | None = None
-        """The sequence number of the burst that is under way."""
+        """The sequence number of the burst that is in progress."""
         self.burst_s = 0.0
         """Time of its last block."""
         self.is_burst_empty = False
@@ -100,7 +100,7 @@ class OpenFile:
         return True
 
     def on_burst(self, packet: FtpPacket, now_s: float) -> bool:
-        """Takes an answer of the burst that is under way, also between two steps. Returns whether it has a new block.
+        """Takes an answer of the burst that is in progress, also between two steps. Returns whether it has a new block.
 
         Raises:
             FtpNakError: The burst has ended otherwise than at the end of the file.

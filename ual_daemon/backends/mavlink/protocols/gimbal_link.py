@@ -60,10 +60,10 @@ class GimbalSender(NamedTuple):
 
 
 class GimbalLink:
-    """Belongs to the thread that receives; what is asked for as a value is for any thread.
+    """Belongs to the thread that receives; what is requested as a value is for any thread.
 
     One order of a kind runs at a time. A newer one takes the place of the one before. Unless `is_kind_known`, the
-    autopilot is asked for the kind of its own gimbal, and where that looks is not known until then.
+    autopilot is queried for the kind of its own gimbal, and where that looks is not known until then.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class GimbalLink:
         self.attitude: GimbalAttitude | None = None
         self._identities: Agreement[GimbalIdentity] | None = None
         self.is_identified = False
-        """Whether it has said what it is since it was heard first, or again."""
+        """Whether it has said what it is since it was received first, or again."""
         self.failures: tuple[str, ...] = ()
         self._line = line
         self.is_kind_known = is_kind_known
@@ -210,11 +210,11 @@ class GimbalLink:
 
     @property
     def is_busy(self) -> bool:
-        """Whether an order is under way."""
+        """Whether an order is in progress."""
         return bool(self._orders or self._next)
 
     def forget(self, *, is_kind_known: bool) -> None:
-        """Forgets what a boot may have changed, and asks for it anew. Its kind is asked for unless that is known."""
+        """Forgets what a boot may have changed, and requests it again. Its kind is requested unless that is known."""
         if self._identities is not None:
             self._identities = Agreement(self._identities.value)
         self.is_identified, self.is_kind_known = False, is_kind_known
@@ -223,7 +223,7 @@ class GimbalLink:
         self._next_ask_s, self._asks_count = -math.inf, 0
 
     def drop(self, error: UalError) -> None:
-        """Ends what is under way, and what waits."""
+        """Ends what is in progress, and what waits."""
         for order in (*self._orders.values(), *self._next.values()):
             order.fail(error)
         self._orders.clear()

@@ -44,7 +44,7 @@ COMPONENTS = frozenset(
 )
 """... and of these their heartbeats, too: they are asked whether they manage one. Others are found by their status."""
 FIRST_ASK_S = 3.0
-"""Seconds after its first message at which a component is asked for its gimbals, ..."""
+"""Seconds after its first message at which a component is queried for its gimbals, ..."""
 ASK_S, ASKS_COUNT = 2.0, 12
 """... and seconds between further questions, and their count: on a link that loses 30 % each way, one in 10,000 is not
 found then.
@@ -90,7 +90,7 @@ class _GimbalQuestions(NamedTuple):
 class GimbalProtocol(Protocol):
     """Belongs to the thread that receives; `found` is for any thread.
 
-    A gimbal keeps its number while the daemon runs, also if it is not heard any more.
+    A gimbal keeps its number while the daemon runs, also if nothing is received from it any more.
     """
 
     def __init__(self, means: GimbalServices) -> None:
@@ -137,7 +137,7 @@ class GimbalProtocol(Protocol):
         self._forget()
 
     def _forget(self) -> None:
-        """Has all of them asked anew: after a boot their limits, their kinds and their controllers may be others."""
+        """Has all of them asked again: after a boot their limits, their kinds and their controllers may be others."""
         self._asked = {}
         self._doubted.clear()
         for each in self.found:
@@ -218,7 +218,7 @@ class GimbalProtocol(Protocol):
         return self._add(source, device_id)
 
     def _ask_again(self, now_s: float) -> None:
-        """Asks those managers again whose last word is doubted, and forgets those that were heard once."""
+        """Asks those managers again whose last word is doubted, and forgets those that were received once."""
         for key, there in list(self._doubted.items()):
             there.tick(now_s, is_flying=False)
             if not there.is_open:
@@ -252,7 +252,7 @@ class GimbalProtocol(Protocol):
         is_of_autopilot = source == self._target and self._dialect is not None
         return self._dialect.lacking_gimbal_abilities if is_of_autopilot and self._dialect else frozenset()
 
-    # --- What is asked for --------------------------------------------------------------------------------------------
+    # --- What is requested --------------------------------------------------------------------------------------------
 
     def _ask(self, component_id: int, now_s: float) -> None:
         """Asks a component what it manages, from time to time, until it has said so."""

@@ -1,6 +1,6 @@
 """The logs of the autopilot by LOG_REQUEST_LIST and LOG_REQUEST_DATA, where it has no MAVFTP.
 
-https://mavlink.io/en/messages/common.html#LOG_REQUEST_LIST. PX4 numbers its logs anew for each list, and gives data
+https://mavlink.io/en/messages/common.html#LOG_REQUEST_LIST. PX4 numbers its logs again for each list, and gives data
 only after a list. ArduPilot sends to one program at a time, and to none while it is armed.
 """
 
@@ -217,7 +217,7 @@ class _LogReading(_LogExchange[bytes]):
 
 
 class LogTransfers(Protocol):
-    """Belongs to the thread that receives. One exchange at a time, in the order in which they were asked for.
+    """Belongs to the thread that receives. One exchange at a time, in the order in which they were requested.
 
     Args:
         send: Sends a message.

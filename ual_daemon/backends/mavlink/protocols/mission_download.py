@@ -1,6 +1,6 @@
 """Downloads a list of items by the mission protocol.
 
-The number of items is requested, then each item, one at a time. PX4 ends the transfer when it is asked for any other
+The number of items is requested, then each item, one at a time. PX4 ends the transfer when it is queried for any other
 than the next one or the last again (handle_mission_request_both in its mavlink_mission.cpp). The end is acknowledged.
 """
 
@@ -25,8 +25,8 @@ from ual_daemon.backends.mavlink.wire.messages import Message
 MOST_ITEMS = 3000
 """More than either autopilot keeps."""
 TRIES_COUNT = 6
-"""Requests of one item without an answer after which the list is requested anew. A late request, out of order, may have
-ended PX4's transfer, and its word of it was lost.
+"""Requests of one item without an answer after which the list is requested again. A late request, out of order, may
+have ended PX4's transfer, and its word of it was lost.
 """
 
 FIRST_PAUSE_S = 0.2

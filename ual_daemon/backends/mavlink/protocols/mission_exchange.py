@@ -1,7 +1,8 @@
 """Common part of the mission protocol's exchanges: patience, and another attempt where it was refused.
 
 Messages may be lost, doubled and late, and another station may have a transfer with the autopilot. So an answer that
-may pass is no end: the exchange pauses, and begins anew. PX4 ends a transfer after 5 s of silence, ArduPilot after 8 s.
+may pass is no end: the exchange pauses, and begins again. PX4 ends a transfer after 5 s of silence, ArduPilot after 8
+s.
 """
 
 from __future__ import annotations
@@ -105,7 +106,7 @@ class MissionExchange(MissionTaker[T]):
         self._send()
 
     def _pause(self, result: int, now_s: float) -> None:
-        """Begins anew after a while, unless it goes on meanwhile."""
+        """Begins again after a while, unless it goes on meanwhile."""
         self._last_result = result
         if not self._is_paused:
             self._is_paused = True

@@ -139,7 +139,7 @@ class MissionProgressProtocol(Protocol):
             self._setting = None
 
     def set_current(self, seq: int, shown_by: frozenset[int], refusal: Refusal, future: Future[None]) -> None:
-        """Makes an item the current one. Replaces one that was asked for before."""
+        """Makes an item the current one. Replaces one that was requested before."""
         target = self._target
         if target is None:
             futures.fail(future, LinkLostError("no autopilot was found"))

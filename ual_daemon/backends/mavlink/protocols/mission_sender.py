@@ -37,7 +37,7 @@ class MissionSender:
         self._send(mavlink.MAVLink_mission_count_message(*self._target, count, self.kind))
 
     def item(self, seq: int, item: MissionItem) -> None:
-        """Sends an item. Also what asks for one with coordinates as floats gets it with integers, which are exact."""
+        """Sends an item. Also what requests one with coordinates as floats gets it with integers, which are exact."""
         flags = int(item.is_current), int(item.autocontinue)
         params = item.param1, item.param2, item.param3, item.param4
         place = item.x, item.y, item.z

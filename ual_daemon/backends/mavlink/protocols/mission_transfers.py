@@ -37,7 +37,7 @@ class OpaqueIds(NamedTuple):
 class MissionTransfers(Protocol):
     """Belongs to the thread that receives. `send` sends a message; `is_up` says whether the link is up at a time.
 
-    One transfer runs at a time, in the order in which they were asked for: PX4 refuses a second one, of whatever list.
+    One transfer runs at a time, in the order in which they were requested: PX4 refuses a second one, of whatever list.
     """
 
     def __init__(self, send: Callable[[Message], object], is_up: Callable[[float], bool]) -> None:
@@ -169,7 +169,7 @@ class MissionTransfers(Protocol):
 
 
 class _TransferRequest(NamedTuple):
-    """A transfer that was asked for, and whether it changes the list."""
+    """A transfer that was requested, and whether it changes the list."""
 
     kind: MissionType
     taker: MissionTaker[Any]

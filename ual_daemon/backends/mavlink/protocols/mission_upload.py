@@ -1,6 +1,6 @@
 """Uploads a list of items by the mission protocol, or removes all.
 
-The autopilot asks for each item, and again where a message was lost. ArduPilot asks by the message with floats. Each
+The autopilot requests each item, and again where a message was lost. ArduPilot asks by the message with floats. Each
 request is answered by the item that it names. An upload whose last acknowledgement is lost may be complete.
 """
 
@@ -113,11 +113,11 @@ class MissionUpload(MissionChange):
         super().__init__(future, line, refusal)
         self._items = items
         self._at: int | None = None
-        """The item that was asked for last; None before the first."""
+        """The item that was requested last; None before the first."""
         self._most = -1
-        """The last item of the list that was asked for in this attempt."""
+        """The last item of the list that was requested in this attempt."""
         self._furthest: int | None = None
-        """The last item that was asked for in any attempt; None before the first."""
+        """The last item that was requested in any attempt; None before the first."""
         self._full_count = 0
         """Consecutive answers to the number of items that there is no room for them."""
 

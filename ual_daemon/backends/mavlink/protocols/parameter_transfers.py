@@ -45,7 +45,7 @@ MOST_WAITING = 100
 class ParameterTransfers(Protocol):
     """Belongs to the thread that receives. `send` sends a message; `is_up` says whether the link is up at a time.
 
-    One exchange about a single parameter runs at a time, in the order in which they were asked for. So two writes of
+    One exchange about a single parameter runs at a time, in the order in which they were requested. So two writes of
     one name cannot be taken for each other. A list runs beside it, once for all callers.
     """
 
@@ -110,7 +110,7 @@ class ParameterTransfers(Protocol):
         self._waiting.clear()
         self._single = self._listing = None
 
-    # --- What is asked for --------------------------------------------------------------------------------------------
+    # --- What is requested --------------------------------------------------------------------------------------------
 
     def read(self, name: str, future: Future[Parameter]) -> None:
         """Reads one parameter."""
@@ -127,7 +127,7 @@ class ParameterTransfers(Protocol):
         self._add(future, wanted.name, lambda requests: Writing(future, requests, wanted, refusal))
 
     def read_all(self, future: Future[list[Parameter]]) -> None:
-        """Lists all, or waits for the list that is under way."""
+        """Lists all, or waits for the list that is in progress."""
         requests = self._usable(future)
         if requests is None:
             return

@@ -31,7 +31,7 @@ class Protocol(ABC):
 
     @abstractmethod
     def attach(self, target: MessageSource, dialect: Dialect) -> None:
-        """Exchanges with this autopilot from now on. What is under way with another one ends."""
+        """Exchanges with this autopilot from now on. What is in progress with another one ends."""
 
     def release(self) -> None:  # noqa: B027 - most have nothing open
         """Sends once what closes on the autopilot what this daemon has open there, as the daemon ends.

@@ -55,7 +55,7 @@ def battery(message: Message) -> Battery | None:
 
 
 def battery_status(message: Message) -> Battery:
-    """Returns the battery of a BATTERY_STATUS: the sum of its cells, where they are told."""
+    """Returns the battery of a BATTERY_STATUS: the sum of its cells, where they are reported."""
     cells = [each for each in message.voltages if each != _UNKNOWN_U16]
     millivolts = sum(cells) + sum(getattr(message, "voltages_ext", ()))  # the latter are 0 where there are no more
     current, remaining = message.current_battery, message.battery_remaining

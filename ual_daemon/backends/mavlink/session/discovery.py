@@ -43,7 +43,7 @@ heartbeat comes each second.
 SUCCESSOR_SILENCE_S = 0.8
 """Seconds of silence under its old system id after which an autopilot is followed to the one that UAL has written."""
 STRAY_S = 2.5
-"""Seconds after a single heartbeat and nothing more, after which another autopilot that is heard replaces its
+"""Seconds after a single heartbeat and nothing more, after which another autopilot that is received replaces its
 sender.
 """
 _UNHEARD = (LinkWatchState.CONNECTING, LinkWatchState.LOST)
@@ -100,7 +100,7 @@ class Discovery(Selector):
         self._told: set[str] = set()
 
     def reconnected(self) -> None:
-        """Starts anew with a new other end of the link, which continues no frame and has received no request."""
+        """Starts again with a new other end of the link, which continues no frame and has received no request."""
         self.receiver.reconnected()
         self._request_anew()
 
@@ -167,9 +167,9 @@ class Discovery(Selector):
         )
 
     def why_silent(self, now_s: float) -> str:
-        """Returns what is heard instead of the autopilot while that is not heard, or from where nothing is.
+        """Returns what is received instead of the autopilot while that is not received, or from where nothing is.
 
-        Empty while it is heard.
+        Empty while it is received.
         """
         watch = self.watch
         if watch.state not in _UNHEARD:
@@ -270,7 +270,7 @@ class Discovery(Selector):
         return ""
 
     def _tell_silence(self, now_s: float) -> None:
-        """Logs once each what is heard instead of the autopilot."""
+        """Logs once each what is received instead of the autopilot."""
         watch, told = self.watch, self._told
         if watch.state not in _UNHEARD or len(told) >= _MOST_OTHERS:
             return
@@ -281,7 +281,7 @@ class Discovery(Selector):
             logs.event(_log, logging.WARNING, "no_autopilot", url=self._url, heard=heard)
 
     def _replace_session(self, source: MessageSource, successor: Successor) -> None:
-        """Opens the session anew, as the vehicle is another one than its heartbeats said, or than was there before."""
+        """Opens the session again, as the vehicle is another one than its heartbeats said, or than was there before."""
         dialect = dialect_of(successor.kind, is_addressable=source.system_id != ALL_SYSTEMS)
         session = self._open_session(source, successor.heartbeats_kind, dialect, None, successor.shape)
         self.receiver.replace_handler(session)

@@ -60,7 +60,7 @@ class FenceDownload:
         """The newest that it has told."""
 
     def want(self) -> None:
-        """Downloads it anew, soon: what is under way may be of the fence before, and ends first."""
+        """Downloads it again, soon: what is in progress may be of the fence before, and ends first."""
         self._is_wanted = True
         self._pause_s = FIRST_PAUSE_S
 

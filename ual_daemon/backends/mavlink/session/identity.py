@@ -38,7 +38,7 @@ class VehicleIdentity:
     """The vehicle of a session, by the kind in its heartbeats, its time since boot, its address and sequence numbers.
 
     Not thread-safe: belongs to the thread that receives. While `conflict` is not empty, the vehicle must not be flown:
-    it says why, human-readable. During a `flight` a conflict is only told (`doubt`).
+    it says why, human-readable. During a `flight` a conflict is only reported (`doubt`).
     """
 
     def __init__(self, system_id: int, kind: HeartbeatKind, flight: AirborneWatch) -> None:

@@ -1,7 +1,7 @@
 """Finds out whether the autopilot sends more than the link carries, and how much less to ask for. Pure logic.
 
 A link that loses much may be bad, or overrun: a radio of 4 kB/s into which the autopilot sends 20. Only a try tells: if
-less is asked for, the part that arrives grows where the link was overrun, and stays the same where it is bad.
+less is requested, the part that arrives grows where the link was overrun, and stays the same where it is bad.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class RateFit:
         self._next_s = -math.inf
         self._high_since_s = self._low_since_s = math.inf
         self._try: tuple[int, float, float] | None = None
-        """The level before the try that is under way, the loss then, and when the try began."""
+        """The level before the try that is in progress, the loss then, and when the try began."""
         self._retry_s = -math.inf
         self._pause_s, self._grow_s = RETRY_S, GROW_S
 

@@ -63,7 +63,7 @@ class ReceiveLoop:
 
     @property
     def is_urgent(self) -> bool:
-        """Whether a command is under way, a heartbeat is wanted at once, or a protocol awaits an answer."""
+        """Whether a command is in progress, a heartbeat is wanted at once, or a protocol awaits an answer."""
         session = self._discovery.session
         return session is not None and (session.is_urgent or self._discovery.protocols.is_urgent)
 
@@ -140,7 +140,7 @@ class ReceiveLoop:
         self._on_freshness(session.freshness)
 
     def _on_defect(self, error: Exception, now_s: float) -> None:
-        """Opens the link anew: the callers must see a lost link that comes back."""
+        """Opens the link again: the callers must see a lost link that comes back."""
         del error
         self._discovery.discard_state()
         self._connection.restart(now_s)

@@ -68,7 +68,7 @@ class SequenceGaps:
             self._missing.remove(sequence)
             return -1
         self._newest = sequence
-        # Numbers that this step has passed after a wrap are missing anew; those too old to still come are forgotten.
+        # Numbers that this step has passed after a wrap are missing again; those too old to still come are forgotten.
         self._missing = {each for each in self._missing if 0 < (sequence - each) % _SEQUENCES <= LATE_COUNT}
         gap = [(sequence - back) % _SEQUENCES for back in range(1, step)]
         self._missing.update(gap[:LATE_COUNT])

@@ -69,7 +69,7 @@ OLD_EVENT_S = 1.0
 HOME_REQUEST_S = 0.2
 """Seconds between two requests for home while the one of the present arming is not known, or while it moves."""
 STREAMLESS_S = 10.0
-"""Seconds between two requests for everything from an autopilot that is heard, but does not stream any more."""
+"""Seconds between two requests for everything from an autopilot that is received, but does not stream any more."""
 
 QUATERNION_S = 3.0
 """Seconds without a quaternion after which the attitude is taken from the angles that many autopilots send."""
@@ -223,7 +223,7 @@ class MavlinkSession:
 
     @property
     def is_urgent(self) -> bool:
-        """Whether a command is under way, or a heartbeat is wanted at once, so that `tick` should be called often."""
+        """Whether a command is in progress, or a heartbeat is wanted at once, so that `tick` should be called often."""
         return self._heartbeats.is_wanted or self._commands.is_any_pending
 
     def on_message(
@@ -282,7 +282,7 @@ class MavlinkSession:
         self._heartbeats.want()
 
     def restart_setup(self) -> None:
-        """Requests everything anew: the autopilot may have booted, or have been connected anew."""
+        """Requests everything again: the autopilot may have booted, or have been connected again."""
         _log.debug("requesting everything anew from %s", self.dialect.name)
         self._setup = self._new_setup()
         if self._fence_download is not None:
@@ -519,7 +519,7 @@ class MavlinkSession:
         self._feed_forward.learn(autopilot_s, pose.value, velocity.value.linear)
 
     def _has_stopped_streaming(self, now_s: float) -> bool:
-        """Returns whether it is heard, but does not send the requested attitude any more, as after a short reboot."""
+        """Returns whether messages arrive, but not the requested attitude any more, as after a short reboot."""
         heard_s, attitude_s = self.telemetry.heard_s, self.telemetry.attitude_time_s
         if heard_s is None or attitude_s is None or now_s < self._next_setup_s:
             return False

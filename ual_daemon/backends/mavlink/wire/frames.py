@@ -52,7 +52,7 @@ counts as 1. A flood must not take the thread from flying.
 SAVED_S = 0.25
 """Seconds of work that may be saved up."""
 MOST_SOURCES = 8
-"""Most sources of which the beginnings of frames are kept; a new one replaces the source that was heard least
+"""Most sources of which the beginnings of frames are kept; a new one replaces the source that was received least
 lately.
 """
 _BEGINNING_COST_BYTES = 48

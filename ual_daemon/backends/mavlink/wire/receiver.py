@@ -56,7 +56,7 @@ class Selector(Protocol):
         """Takes a wanted heartbeat while none is selected. Returns the handler that selects its sender."""
 
     def is_stray(self, now_s: float) -> bool:
-        """Returns whether the selected one was heard once, and then no more: another one may be selected instead."""
+        """Returns whether the selected one was received once, and then no more: another one may be selected instead."""
 
     def on_other_heartbeat(
         self, source: MessageSource, heartbeat: Message, address: Address | None, now_s: float
@@ -80,8 +80,8 @@ class Receiver:
     has selected one; then only that one's messages do. With a `signer` only signed messages are accepted. What comes
     and is not taken is noted in `untaken`.
 
-    Without signatures anyone can send as our autopilot. So while the peer is heard, frames from another host are
-    dropped. A new port of its host is followed at once: its router may have bound it anew.
+    Without signatures anyone can send as our autopilot. So while the peer is received, frames from another host are
+    dropped. A new port of its host is followed at once: its router may have bound it again.
     """
 
     def __init__(
@@ -244,7 +244,9 @@ class Receiver:
             self._selector.on_component(frame.source, self._codec.decode(frame), now_s, utc_now_s)
 
     def _is_stranger(self, frame: MavlinkFrame, address: Address | None, now_s: float) -> bool:
-        """Returns whether a frame of our autopilot comes from a host that is not our peer's, while that is heard."""
+        """Returns whether a frame of our autopilot comes from a host that is not our peer's, while messages of that
+        arrive.
+        """
         peer = self._link.peer
         if address is None or peer is None or address[0] == peer[0] or self._signer is not None:
             return False

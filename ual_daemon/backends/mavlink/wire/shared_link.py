@@ -258,7 +258,7 @@ class VehicleLink(MavlinkLink):
     @property
     @override
     def peer(self) -> Address | None:
-        """Address from which this vehicle was heard; else the address to which the link leads."""
+        """Address from which this vehicle was received; else the address to which the link leads."""
         reading = self._reading
         if reading is None:
             return None

@@ -166,7 +166,7 @@ class Signer:
         """Returns whether one more sender can be remembered. Forgets the one heard least lately, if it has fallen
         silent.
 
-        One that is heard is never forgotten: others with this key, whose clocks are ahead, could shut it out.
+        One that is received is never forgotten: others with this key, whose clocks are ahead, could shut it out.
         """
         if len(self._newest) < MOST_SENDERS:
             return True

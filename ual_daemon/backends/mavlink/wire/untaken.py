@@ -7,7 +7,7 @@ from collections.abc import Hashable
 from dataclasses import dataclass
 
 RECENT_S = 5.0
-"""Only what came within this time is told: everything that speaks MAVLink sends a heartbeat each second."""
+"""Only what came within this time is reported: everything that speaks MAVLink sends a heartbeat each second."""
 LASTS_S = 2.0
 """Seconds for which messages must have come before they are worth a line of the log: the autopilot's heartbeat may come
 next.
@@ -38,7 +38,7 @@ class Untaken:
     def note(self, key: Hashable, text: str, now_s: float, *, is_minor: bool = False) -> None:
         """Takes note of something that came: `text` says what, and why it is not taken.
 
-        What `is_minor` is told after the rest: it is nothing that could be flown.
+        What `is_minor` is reported after the rest: it is nothing that could be flown.
         """
         since_s = now_s - self.lasts_s(key, now_s)
         if key not in self._notes and len(self._notes) >= MOST_NOTES:

@@ -63,7 +63,7 @@ class MavrosLists(ItemLists):
         return self._services.give(f"change its {kind.text}", write.begin)
 
     def choose(self, seq: int, shown_by: frozenset[int], refusal: Refusal) -> Future[None]:
-        """Makes the item of a number the current one; it has once one of some numbers is told."""
+        """Makes the item of a number the current one; it has once one of some numbers is reported."""
         return self._services.give(_CHOOSE, lambda: self._choose(seq, shown_by, refusal, CHOICES_COUNT))
 
     # --- Reading ------------------------------------------------------------------------------------------------------
@@ -118,7 +118,7 @@ class MavrosLists(ItemLists):
     def _shown(
         self, shown_by: frozenset[int], before_count: int, looks_count: int, otherwise: Callable[[], Future[None]]
     ) -> Future[None]:
-        """Waits until the current item is one of some. MAVROS' answer says only that one was told."""
+        """Waits until the current item is one of some. MAVROS' answer says only that one was reported."""
         heard = self._topics().heard
         is_new = self._received(MissionType.MISSION).messages_count > before_count
         if heard is not None and is_new and heard.seq in shown_by:

@@ -1,7 +1,7 @@
 """The parameters of the autopilot, through MAVROS' plugin param, which keeps a copy of them.
 
 It answers reads from its copy, which follows each PARAM_VALUE of the autopilot that it hears. It has no service that
-reads one from the autopilot: only all. So a list has it fetch all anew. A write is compared with the PARAM_VALUE with
+reads one from the autopilot: only all. So a list has it fetch all again. A write is compared with the PARAM_VALUE with
 which the autopilot has answered: MAVROS returns it, and confirms nothing without it (param.cpp, both versions).
 """
 
@@ -37,7 +37,7 @@ PULLS_COUNT = 10
 CHUNK_PARAMETERS = 200
 """Most values of one request."""
 CALLS_AT_ONCE = 20
-"""Most calls under way where ROS 1 is asked for each value."""
+"""Most calls in progress where ROS 1 is requested each value."""
 _READ, _WRITE = "read its parameters", "write a parameter"
 _TYPES = {BOOL: ParameterType.UINT8, INTEGER: ParameterType.INT32, DOUBLE: ParameterType.REAL32}
 
@@ -78,7 +78,7 @@ class MavrosParameters(AutopilotParameters):
 
     def _read(self, name: str) -> Future[Parameter]:
         """Reads from the copy. One that is not there is looked for once MAVROS has fetched all: what it has of a boot
-        before may be a part. On the ground it then fetches all anew.
+        before may be a part. On the ground it then fetches all again.
         """
         copied = self._get(name)
         found = then_wait(copied, lambda one: self._fetched(name, is_forced=False) if one is None else done(one))

@@ -149,7 +149,7 @@ class Services:
 
 
 class BusyError(UalError):
-    """A plugin has another request under way. Not for callers of UAL."""
+    """A plugin has another request in progress. Not for callers of UAL."""
 
 
 def explained(error: BaseException, what: str, doubt: str) -> BaseException:
