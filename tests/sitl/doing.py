@@ -102,7 +102,7 @@ FLOWN: dict[str, Callable[[Flight], Callable[[], object] | None]] = {
     "mission": _mission,
     "land": _land,
 }
-"""By what is flown: begins it, and returns what waits for its end; None for a hover."""
+"""Manoeuvres by name: each begins, and returns a function that waits for its end; None for a hover."""
 
 
 def take_off(flight: Flight, doing: Doing, what: str) -> None:

@@ -27,7 +27,7 @@ pytestmark = [pytest.mark.sitl, pytest.mark.timeout(300 + round(DURATION_S))]
 
 MISSION_MODES = {"PX4": "AUTO.MISSION", "ArduPilot": "AUTO"}
 SHORT_S = 1.0
-"""For so long a mode and who is named for it may be seen apart."""
+"""Seconds for which a mode and its holder may not fit together."""
 OTHERS = ("ground station", "safety pilot")
 
 

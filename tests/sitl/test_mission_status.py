@@ -1,4 +1,4 @@
-"""What is told of a mission: against the mode in which it flies, and with the settings that it begins with."""
+"""Reports of a mission: against the mode in which it flies, and with the settings that it begins with."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ _WEAK = {
     "ArduCopter": (Change("MOT_SPIN_MAX", 0.2, 0.95),),
 }
 REFUSED_ADVICE = ("recover_from_manual takes control back", "lands it by hand", "recover_from_manual is called")
-"""What a terminated autopilot refuses, or nobody can do."""
+"""Advice that a terminated autopilot refuses, or that nobody can follow."""
 
 
 def _advises_what_is_refused(told: Telemetry) -> bool:

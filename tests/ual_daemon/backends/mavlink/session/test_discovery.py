@@ -277,7 +277,7 @@ def test_a_ground_station_at_component_1_is_no_second_autopilot(caplog: pytest.L
 
 
 @pytest.mark.parametrize("flag", [0, mavlink.MAV_PROTOCOL_CAPABILITY_COMPONENT_IMPLEMENTS_GIMBAL_MANAGER])
-def test_a_px4_is_asked_for_its_gimbals_if_its_version_says_that_it_manages_some(flag: int) -> None:
+def test_gimbals_are_requested_of_a_px4_if_its_version_says_that_it_manages_some(flag: int) -> None:
     harness = Harness()
     harness.receive(heartbeat())
     harness.run(5.0)  # its version is not known yet
