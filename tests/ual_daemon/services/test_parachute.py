@@ -53,10 +53,10 @@ def test_it_obeys_and_refuses_in_its_own_words(start: Callable[[str], Flight], k
     assert parachute.ordered() == "disable"
 
 
-def test_a_px4_has_none_unless_a_component_sends_heartbeats(start: Callable[[str], Flight]) -> None:
-    flight = start("px4")
-    with pytest.raises(NotSupportedError, match="no component 161 is heard"):
-        flight.uav.parachute.release()
+@pytest.mark.parametrize(("kind", "why"), [("px4", "no component 161 is heard"), (BY_AUTOPILOT, "UNSUPPORTED")])
+def test_without_one_an_order_is_not_supported(start: Callable[[str], Flight], kind: str, why: str) -> None:
+    with pytest.raises(NotSupportedError, match=why):
+        start(kind).uav.parachute.release()
 
 
 def test_a_light_one_opens_only_while_it_is_enabled() -> None:

@@ -8,6 +8,7 @@ import pytest
 
 from tests.patient_checks import grouped, run_check_or_skip, wait_until_ready, without
 from tests.simulators.lockstep import LockstepArduPilot, LockstepPx4
+from tests.simulators.parachute import Parachute
 from ual import conformance
 from ual.conformance import Check, Flight, Tolerances
 from ual.interface import Uav
@@ -22,7 +23,7 @@ TOLERANCES = Tolerances(
     position_m=0.4, wander_m=0.0, heading_rad=0.2, speed_m_s=0.4, line_ratio=0.1, overshoot_ratio=0.1
 )
 BACKENDS = {"px4": LockstepPx4, "ardupilot": LockstepArduPilot}
-_NOT_OFFERED = without("corrections", "fence", "gripper", "logs", "missions", "parameters")
+_NOT_OFFERED = without("corrections", "fence", "gripper", "logs", "missions", "parachute", "parameters")
 NOT_HERE = {
     # A simulation's daemon may arm.
     "px4": {"arming_belongs_to_the_pilot", "the_pilot_flies_and_gives_back", *_NOT_OFFERED},
@@ -54,6 +55,7 @@ def flight(kind: str) -> Iterator[Flight]:
     files.files[f"{files.directory}/001.bin"] = bytes(range(256)) * 200  # a log
     with UAL(backend, settings=SETTINGS) as uav:
         wait_until_ready(uav, is_known)
+        Parachute(backend.autopilot, is_component=kind == "px4")
         yield Flight(uav, TOLERANCES)
 
 

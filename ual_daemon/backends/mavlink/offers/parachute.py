@@ -6,9 +6,9 @@ from concurrent.futures import Future
 
 from typing_extensions import override
 
-from ual.errors import LinkLostError, NotSupportedError
+from ual.errors import LinkLostError, NotSupportedError, RejectedByAutopilotError
 from ual_daemon.backends import futures
-from ual_daemon.backends.chain import then_wait
+from ual_daemon.backends.chain import caught, then_wait
 from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
 from ual_daemon.backends.mavlink.dialects.command_long import CommandLong, command_of
 from ual_daemon.backends.mavlink.offers.protocol_access import Orders
@@ -46,7 +46,15 @@ class MavlinkParachute(ParachuteDriver):
         if not isinstance(session.dialect, ArduCopter):
             missing = f"{session.dialect.name} has no parachute, and no component {_COMPONENT} is heard"
             return futures.failed(NotSupportedError(f"cannot {what}: {missing}"))
-        return self._orders.give(what, command_of(_COMMAND, (float(action),), what, group="parachute"))
+        ordered = self._orders.give(what, command_of(_COMMAND, (float(action),), what, group="parachute"))
+        return caught(ordered, _refused)
+
+
+def _refused(error: BaseException) -> Future[None]:
+    """Returns an error, as that of a vehicle without a parachute where the autopilot was built without one."""
+    if isinstance(error, RejectedByAutopilotError) and error.metadata.get("result") == "UNSUPPORTED":
+        return futures.failed(NotSupportedError(error.message))
+    return futures.failed(error)
 
 
 def make_driver(orders: Orders) -> MavlinkParachute:
