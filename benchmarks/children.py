@@ -68,6 +68,10 @@ class Process:
         """Returns the resident memory."""
         return resident_mib(self.pid)
 
+    def anonymous_mib(self) -> float:
+        """Returns the part of the resident memory that belongs to no file: what the process has allocated."""
+        return _memory_mib(self.pid, "RssAnon")
+
     def prefer(self) -> None:
         """Gives it priority over other processes: real time if the system permits it, else a lower niceness."""
         for thread in self._threads():
@@ -151,7 +155,11 @@ def processor_s(pid: int) -> float:
 
 def resident_mib(pid: int) -> float:
     """Returns the resident memory of a process."""
-    found = re.search(r"VmRSS:\s+(\d+) kB", Path(f"/proc/{pid}/status").read_text())
+    return _memory_mib(pid, "VmRSS")
+
+
+def _memory_mib(pid: int, row: str) -> float:
+    found = re.search(rf"{row}:\s+(\d+) kB", Path(f"/proc/{pid}/status").read_text())
     if found is None:
         raise ChildError(f"process {pid} has no resident memory: it has ended")
     return int(found[1]) / 1024.0

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import ual
 from benchmarks.results import Results
@@ -16,12 +16,12 @@ _SPEED_FACTOR = 10.0
 
 def measure_flight(results: Results) -> None:
     """Measures one flight."""
-    results.add("memory_mib", "UAL: after a flight of the light backend", [flight_mib()])
+    results.add("memory_mib", "UAL: after a flight of the light backend", [flight_mib(UalDaemon.resident_mib)])
 
 
-def flight_mib(*flags: str, run: Sequence[str] = ("ual_daemon",)) -> float:
-    """Returns the resident memory of a daemon that took off, flew a path and streamed velocities, and landed, with one
-    telemetry subscriber. `flags` and `run` are those of `UalDaemon`.
+def flight_mib(read: Callable[[UalDaemon], float], *flags: str, run: Sequence[str] = ("ual_daemon",)) -> float:
+    """Returns the memory of a daemon that took off, flew a path and streamed velocities, and landed, with one telemetry
+    subscriber. `read` reads it; `flags` and `run` are those of `UalDaemon`.
     """
     with UalDaemon(None, "--auto-arm", *flags, run=run) as daemon:
         daemon.wait()
@@ -37,7 +37,7 @@ def flight_mib(*flags: str, run: Sequence[str] = ("ual_daemon",)) -> float:
                     time.sleep(0.01)
                 uav.land()
                 _until(uav, State.LANDED_DISARMED, State.LANDED_ARMED)
-            return daemon.resident_mib()
+            return read(daemon)
 
 
 def _until(uav: ual.Uav, *states: State) -> None:
