@@ -5,6 +5,7 @@
 
 import logging
 import math
+import os
 
 import pytest
 
@@ -12,8 +13,8 @@ from tests.ual_daemon.backends.mavlink.fuzz import KINDS, Fuzz, sizes
 from ual_daemon.backends.engine.plausibility import MAX_ALTITUDE_M
 from ual_daemon.validation import MAX_DISTANCE_M, MAX_SPEED_M_S
 
-BYTES_COUNT = 90_000
-"""For each kind, on datagrams and on a stream: some 10^6 in all."""
+BYTES_COUNT = 90_000 if os.environ.get("UAL_TEST_HYPOTHESIS") == "thorough" else 30_000
+"""For each kind, on datagrams and on a stream: some 10^6 in all in `make test-all`."""
 
 
 @pytest.mark.parametrize("is_stream", [False, True])
