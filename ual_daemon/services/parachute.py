@@ -1,4 +1,4 @@
-"""The parachute of a UAV. One order is under way at a time, and a release replaces another one."""
+"""The parachute of a UAV. One order is in progress at a time, and a release replaces another one."""
 
 from __future__ import annotations
 

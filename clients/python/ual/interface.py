@@ -599,11 +599,11 @@ class Parachute(Protocol):
 
     Raises:
         NotSupportedError: There is no parachute.
-        WrongStateError: Another order is under way.
+        WrongStateError: Another order is in progress.
         TaskAbortedError: A release has replaced it.
         LeaseHeldError: Another program holds the lease.
         RejectedByAutopilotError: It refuses, in its own words.
-        LinkLostError: It is not heard.
+        LinkLostError: Nothing is received from it.
         UalTimeoutError: It is not known whether it was obeyed.
     """
 

@@ -115,10 +115,10 @@ class ReportingBackend(EngineBackend[str]):
 
     @abstractmethod
     def follow(self, setpoint: Setpoint) -> None:
-        """Sends a setpoint. From any thread, while the autopilot is heard."""
+        """Sends a setpoint. From any thread, while messages of the autopilot arrive."""
 
     def reconnect(self) -> None:
-        """Connects anew, after an error that `receive` or `command` has raised. The same thread calls it."""
+        """Connects again, after an error that `receive` or `command` has raised. The same thread calls it."""
 
     # --- What it makes of that ----------------------------------------------------------------------------------------
 
@@ -191,7 +191,7 @@ class ReportingBackend(EngineBackend[str]):
 
 
 class _Session:
-    """State of the autopilot, and the commands under way. Belongs to the loop's thread, except `watch.is_up`."""
+    """State of the autopilot, and the commands in progress. Belongs to the loop's thread, except `watch.is_up`."""
 
     def __init__(self, backend: ReportingBackend) -> None:
         name, clock = backend.name, backend.clock
@@ -225,7 +225,7 @@ class _Session:
         self.runner.tick(now_s)
 
     def on_defect(self, error: Exception, now_s: float) -> None:
-        """Begins anew."""
+        """Begins again."""
         del error, now_s
         self._discard_state()
         self._backend.reconnect()

@@ -20,7 +20,7 @@ class ParachuteDriver(ABC):
 
     @abstractmethod
     def order(self, action: ParachuteAction) -> Future[None]:
-        """Orders it, again and again until that is acknowledged.
+        """Orders it, repeatedly until that is acknowledged.
 
         The future ends by itself: as done, with a `RejectedByAutopilotError`, a `LinkLostError`, or a
         `NotSupportedError` where there is no parachute. A `UalTimeoutError` says that it is not known whether it was

@@ -50,7 +50,7 @@ class Dialect(Autopilot):
     parameter_codec: ParameterCodec | None = None
     """Codec of parameters' values; None where UAL neither reads nor writes them all."""
     takes_ftp_session = False
-    """Whether a file that is opened by MAVFTP has the session that was asked for, and not session 0."""
+    """Whether a file that is opened by MAVFTP has the session that was requested, and not session 0."""
     rates_beside_files = 1.0
     """Factor of the requested stream rates while it sends files in flight, as it then sends the streams less often."""
     has_descriptions = False

@@ -20,7 +20,7 @@ _COMMAND: int = mavlink.MAV_CMD_DO_PARACHUTE
 
 
 class MavlinkParachute(ParachuteDriver):
-    """The parachute of one backend's vehicle. The component is ordered where it is heard, whatever the autopilot is."""
+    """The parachute of one backend's vehicle. It takes orders while its messages arrive, at any autopilot."""
 
     def __init__(self, orders: Orders) -> None:
         self._orders = orders

@@ -26,7 +26,8 @@ QUIET_S = 0.7
 
 
 class ComponentCommands(Protocol):
-    """Belongs to the thread that receives. One command of an id is under way with a component: a newer one replaces it.
+    """Belongs to the thread that receives. One command of an id is in progress with a component: a newer one replaces
+    it.
 
     `send` sends a message.
     """
@@ -47,7 +48,7 @@ class ComponentCommands(Protocol):
         return {}
 
     def ask(self, component_id: int, future: Future[bool]) -> None:
-        """Ends a future with whether a component is heard."""
+        """Ends a future with whether messages of a component arrive."""
         self._asked.append((component_id, future))
         self.is_waiting = True
 

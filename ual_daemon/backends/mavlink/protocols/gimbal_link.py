@@ -93,7 +93,7 @@ class GimbalLink:
         self._next_ask_s = -math.inf
         self._asks_count = 0
         self.has_asked = False
-        """Whether it was asked for its streams."""
+        """Whether its streams were requested."""
         self._is_odd = False
 
     # --- What is known ------------------------------------------------------------------------------------------------
