@@ -85,6 +85,7 @@ def _motor_off(rig: Rig, fault: Fault, wait: Wait) -> None:
         with changed(rig.pilot, (Change("SIM_ENGINE_MUL", 0.0, 1.0),)):
             wait(fault.duration_s)
         return
+    rig.must_boot = True  # it may be terminated: PX4 leaves that mode by a boot only
     rig.pilot.order(_INJECT_FAILURE, (_MOTOR, _IS_OFF, float(math.floor(1 + 3.9 * fault.strength))))
     wait(fault.duration_s)
     rig.pilot.order(_INJECT_FAILURE, (_MOTOR, _IS_WELL, 0.0))
