@@ -92,6 +92,13 @@ garbage = st.binary(max_size=40) | st.sampled_from(
 )
 
 
+@pytest.mark.parametrize("noise", [b"\x00", b"\x00\x01\x02"])
+def test_each_run_of_garbage_is_one_damage(noise: bytes) -> None:
+    reader = FrameReader()
+    reader.feed(noise + FRAMES[0] + noise + FRAMES[1] + FRAMES[2] + noise + FRAMES[0])
+    assert (reader.garbage_count, reader.corrupt_count) == (3 * len(noise), 3)
+
+
 @given(st.lists(st.tuples(garbage, st.sampled_from(FRAMES)), max_size=8), st.data())
 @example([(b"\xfd\xff\x00", FRAMES[0]), (FRAMES[1][:12], FRAMES[2])], None)
 def test_a_stream_cut_anywhere_with_garbage_anywhere_yields_all_its_frames(
