@@ -125,8 +125,9 @@ def _watched(daemon: DaemonProcess, truth: Truth) -> tuple[Sequence[float], Sequ
     """Returns its heights, and each state that is told, with its reason, for some seconds."""
     heights_m: list[float] = []
     states: list[str] = []
-    until_s = time.monotonic() + WATCHED_S
     with ual.Uav(address=daemon.address) as uav:
+        uav.telemetry()  # a busy computer takes seconds to connect
+        until_s = time.monotonic() + WATCHED_S
         while time.monotonic() < until_s:
             heights_m.append(truth.height_m)
             told = uav.telemetry()
