@@ -89,7 +89,7 @@ def test_a_mission_stays_ours_whatever_three_threads_command(flight: Flight, uav
                 done[name] += 1
             except UalError as error:
                 refused[f"{name}: {error.reason}"] += 1
-                is_known = "or a failsafe" not in str(error)  # else who it was is not told yet
+                is_known = "or a failsafe" not in str(error)  # else the cause is not known yet
                 if is_known and any(each in str(error) for each in OTHERS):
                     watch.breaches.append(f"{name}: {error}")
             threading.Event().wait(random_of.uniform(0.0, 0.8))  # no two flights have the same moments

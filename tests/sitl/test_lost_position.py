@@ -23,7 +23,7 @@ _GLITCHES = {"PX4": (), "ArduPilot": (Change("SIM_GPS_GLITCH_X", 6e-4, 0.0),)}
 """67 m."""
 _AGES_S = 40.0
 _DOES = ("the autopilot lands", "in mode ALTCTL: position failsafe")
-"""Reasons by which it is told what the autopilot does: PX4 gives it to its pilot, who holds the sticks."""
+"""Reasons that say what the autopilot does. PX4 gives control to its pilot, with the sticks in hand."""
 
 
 def _checks(uav: UAL) -> str:

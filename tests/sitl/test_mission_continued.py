@@ -93,7 +93,7 @@ def test_a_pilot_who_takes_over_just_after_a_start_on_the_ground_is_named(
 ) -> None:
     flight.be_armed()
     uav.mission.upload([TakeOff(HEIGHT_M), *waypoints(flight, 0.5)])
-    pilots_mode = uav.telemetry().flight_mode  # PX4 stands in the one that he selects again
+    pilots_mode = uav.telemetry().flight_mode  # PX4 stands in the mode that the pilot selects again
     task = uav.task(uav.mission.start().id)
     flight.wait_for(lambda: uav.telemetry().flight_mode != pilots_mode, "the mission's mode")
     threading.Event().wait(0.3)  # what is tested is this time after the start
