@@ -51,8 +51,8 @@ class ArduCopter(ardupilot.ArduCopter, Dialect):
     wanted_messages = (mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION,)
     parameter_codec = Cast()
     packed_parameters = "@PARAM/param.pck"
-    # A quarter as often until 1 s after the last answer (GCS_MAVLINK::get_reschedule_interval_ms), and less evenly.
     takes_ftp_session = True
+    # A quarter as often until 1 s after the last answer (GCS_MAVLINK::get_reschedule_interval_ms), and less evenly.
     rates_beside_files = 6.0
     keeps_items = True
     tells_baseline = True
