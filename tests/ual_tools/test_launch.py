@@ -349,14 +349,14 @@ def test_the_reason_by_which_a_flight_is_not_ours_is_the_daemons() -> None:
         assert SENDS_NOTHING in reason
 
 
-class ReceivedMessage(TeamLog):
+class RecordedLog(TeamLog):
     """The lines of a log."""
 
     def __init__(self) -> None:
         super().__init__(["sh"])
         self.lines: list[str] = []
 
-    def row(self, name: str, text: str) -> None:
+    def write(self, name: str, text: str) -> None:
         self.lines.append(f"{name}: {text}")
 
     def note(self, text: str, *, is_bad: bool = False) -> None:
@@ -368,12 +368,12 @@ class ReceivedMessage(TeamLog):
 
 
 def supervised(
-    script: str, work: Callable[[Supervisor, ReceivedMessage], Coroutine[Any, Any, None]], **changes: Any
+    script: str, work: Callable[[Supervisor, RecordedLog], Coroutine[Any, Any, None]], **changes: Any
 ) -> tuple[Supervisor, list[str]]:
     """A program that is run until `work` has stopped it, or it has ended for good, and the log."""
 
     async def run() -> tuple[Supervisor, list[str]]:
-        log = ReceivedMessage()
+        log = RecordedLog()
         program = Program(name="sh", **{"argv": ("sh", "-c", script), "cwd": Path("/"), **changes})
         supervisor = Supervisor(program, log)
         await asyncio.wait_for(asyncio.gather(supervisor.run(), work(supervisor, log)), LIMIT_S)
@@ -382,11 +382,11 @@ def supervised(
     return asyncio.run(run())
 
 
-async def nothing(_: Supervisor, __: ReceivedMessage) -> None:
+async def nothing(_: Supervisor, __: RecordedLog) -> None:
     pass
 
 
-async def stop(supervisor: Supervisor, log: ReceivedMessage) -> None:
+async def stop(supervisor: Supervisor, log: RecordedLog) -> None:
     await log.until("sh: ready")
     await supervisor.stop()
 
@@ -396,7 +396,7 @@ def test_a_program_is_ready_when_its_port_is_open() -> None:
         bound.bind(("127.0.0.1", 0))  # nobody else gets it, and nobody can connect yet
         address = f"127.0.0.1:{bound.getsockname()[1]}"
 
-        async def listen_then_stop(supervisor: Supervisor, log: ReceivedMessage) -> None:
+        async def listen_then_stop(supervisor: Supervisor, log: RecordedLog) -> None:
             await log.until("sh: up")
             assert not supervisor.ready.is_set()
             bound.listen()

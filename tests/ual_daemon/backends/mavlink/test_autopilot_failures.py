@@ -178,7 +178,7 @@ def restarted_without_motors(flight: Flight) -> None:
 def test_a_daemon_that_is_new_tells_that_the_motors_are_stopped(flight: Flight) -> None:
     """ArduPilot says it once only, by a text: the daemon said FLYING_AUTO, and took a go-to, which climbed."""
     restarted_without_motors(flight)
-    told_s = flight.first_s(lambda telemetry: "stopped its motors" in telemetry.state_reason, flight.started_s)
+    told_s = flight.first_s(lambda telemetry: "does not follow" in telemetry.state_reason, flight.started_s)
     seen_s = flight.first_s(lambda telemetry: telemetry.state is not State.UNINITIALIZED, flight.started_s)
     assert told_s - seen_s < (2.0 if isinstance(flight.autopilot, ArduPilot) else 8.5)  # PX4 had begun to land
     with pytest.raises(WrongStateError, match="stopped"):
@@ -192,7 +192,7 @@ def test_a_daemon_that_is_new_takes_no_motion_after_the_motors_were_stopped_unti
     flight = Flight("ardupilot")
     try:
         restarted_without_motors(flight)
-        flight.first_s(lambda telemetry: "stopped its motors" in telemetry.state_reason, flight.started_s)
+        flight.first_s(lambda telemetry: "does not follow" in telemetry.state_reason, flight.started_s)
         flight.autopilot.kill(False)
         flight.wait_for(lambda: "had stopped its motors" in flight.uav.telemetry().state_reason, "that they turn")
         with pytest.raises(WrongStateError, match="had stopped its motors"):

@@ -186,7 +186,7 @@ class FuzzedAccess:
         heard = self._link.progress.heard
         return SimpleNamespace(dialect=self._link.dialect, mission_news=heard)
 
-    def give(self, what: str, begin: Callable[[Any, Future[Any]], None]) -> Future[Any]:
+    def run_on_loop(self, what: str, begin: Callable[[Any, Future[Any]], None]) -> Future[Any]:
         future: Future[Any] = Future()
 
         def keep(done: Future[Any]) -> None:
