@@ -28,7 +28,7 @@ import (
 	ualv1 "example.org/ual/mission/gen/ual/v1"
 )
 
-//go:generate buf generate
+//go:generate buf generate ../.. --config buf.workspace.yaml
 
 const (
 	answerLimit    = 5 * time.Second // for calls that the daemon answers at once
