@@ -242,7 +242,7 @@ def test_one_audit_and_a_recording_for_each_worker(start_daemon: StartDaemon, tm
     lines = audit.read_bytes().splitlines()
     chain.verify(lines)  # the chain is whole
     homes = [entry["ns"] for entry in map(json.loads, lines) if entry.get("method", "").endswith("/SetHome")]
-    assert homes == NAMES
+    assert sorted(homes) == NAMES  # each process writes when it comes to it
     assert sorted(path.name.rpartition("_")[0] for path in recordings.iterdir()) == ["uav_1", "uav_3"]
 
 
