@@ -117,7 +117,7 @@ def _is_reported(told: Telemetry) -> bool:
 
 
 def _wait_until(time_s: float) -> None:
-    # What must not move meanwhile shows only in time.
+    # Time must pass: only then does it show that nothing moves.
     time.sleep(max(0.0, time_s - time.monotonic()))
 
 

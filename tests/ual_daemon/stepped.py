@@ -69,7 +69,7 @@ class Stepped:
         """Keeps its samples from now on, and forgets earlier ones."""
         if self._samples is None:
             self._samples = []
-            # What no test reads is not made: a place on Earth is a tenth of the work of a step.
+            # Parts of a sample that no test reads are left out: a place on Earth is a tenth of the work of a step.
             self.vehicle.subscribe(self._samples.append, reads_all=False)
         self._samples.clear()
 

@@ -8,7 +8,7 @@ from concurrent.futures import Future
 from typing import Any, TypeVar
 from weakref import WeakKeyDictionary
 
-from ual.errors import LinkLostError, UalError, UalTimeoutError
+from ual.errors import LinkLostError, RejectedByAutopilotError, UalError, UalTimeoutError
 
 T = TypeVar("T")
 
@@ -25,6 +25,11 @@ def failed(error: BaseException) -> Future[Any]:
     future: Future[Any] = Future()
     future.set_exception(error)
     return future
+
+
+def refused(text: str) -> Future[Any]:
+    """Returns a future, of any result, that has ended with a refusal for a reason."""
+    return failed(RejectedByAutopilotError(f"refused: {text}", {"text": text}))
 
 
 def end(future: Future[None], error: BaseException | None = None) -> bool:

@@ -11,7 +11,7 @@ from typing_extensions import override
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import Capability, Limits
 from ual_daemon.backends.base import BackendOptions, Clock
-from ual_daemon.backends.engine.reporting import Answer, Report, ReportingBackend
+from ual_daemon.backends.engine.reporting import Answer, ReportingBackend, VehicleReport
 from ual_daemon.backends.values import PositionSetpoint, Setpoint, VehicleInfo
 from ual_daemon.settings import Settings, convert
 from ual_hover.autopilot import HORIZONTAL_M_S, VERTICAL_M_S, YAW_RATE_DEG_S, Autopilot, Packet, Target, Triple
@@ -43,7 +43,7 @@ class HoverBackend(ReportingBackend):
         self._autopilot = Autopilot(speed) if autopilot is None else autopilot
 
     @override
-    def receive(self, timeout_s: float) -> Report | Answer | None:
+    def receive(self, timeout_s: float) -> VehicleReport | Answer | None:
         message = self._autopilot.receive(timeout_s)
         if isinstance(message, Packet):
             return _report(message)
@@ -66,9 +66,9 @@ class HoverBackend(ReportingBackend):
             self._autopilot.follow(Target(velocity, yaw_rate_deg_s))
 
 
-def _report(packet: Packet) -> Report:
+def _report(packet: Packet) -> VehicleReport:
     position, yaw_rad = ned_to_enu(packet.position), math.radians(90.0 - packet.heading_deg)
-    return Report(
+    return VehicleReport(
         boot_s=packet.time_s,
         is_armed=packet.is_armed,
         is_on_ground=packet.is_on_ground,

@@ -8,7 +8,6 @@ from concurrent.futures import Future
 
 from typing_extensions import override
 
-from ual.errors import RejectedByAutopilotError
 from ual.interface import Simulation
 from ual.types import Capability, Limits
 from ual_daemon.backends import futures
@@ -159,7 +158,7 @@ class AirsimBackend(EngineBackend[AirsimRequest]):
 
     @override
     def land(self, limits: Limits) -> Future[None]:
-        return _refusal("Land: UAL's setpoints fly it (VehicleInfo.flies_landing_on_setpoints)")
+        return futures.refused("Land: UAL's setpoints fly it (VehicleInfo.flies_landing_on_setpoints)")
 
     @override
     def take_control(self) -> Future[None]:
@@ -205,7 +204,7 @@ class AirsimBackend(EngineBackend[AirsimRequest]):
     def _grounded(self, what: str, actions: tuple[Action, ...], begin: Callable[[], None] = nothing) -> Future[None]:
         """Gives a command for a vehicle on the ground: the simulator would disarm it in the air, too."""
         if not self._is_on_ground():
-            return _refusal(f"{what.capitalize()}: not on the ground")
+            return futures.refused(f"{what.capitalize()}: not on the ground")
         command = Command(what, AirsimRequest(actions, begin), ARMING, mode=API.name, waits=self._why_not_on_ground)
         return self._order(what, lambda: command)
 
@@ -227,7 +226,3 @@ class AirsimBackend(EngineBackend[AirsimRequest]):
     def _local_frame_origin(self) -> LocalFrameOrigin:
         simulator = self._link.simulator
         return LocalFrameOrigin(self._session.boots_count, None if simulator is None else projection_of(simulator))
-
-
-def _refusal(text: str) -> Future[None]:
-    return futures.failed(RejectedByAutopilotError(f"refused: {text}", {"text": text}))

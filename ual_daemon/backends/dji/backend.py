@@ -9,7 +9,6 @@ from functools import partial
 
 from typing_extensions import override
 
-from ual.errors import RejectedByAutopilotError
 from ual.types import Capability, Limits
 from ual_daemon import logs
 from ual_daemon.backends import futures
@@ -166,7 +165,7 @@ class DjiBackend(EngineBackend[DjiRequest]):
     @override
     def disarm(self) -> Future[None]:
         if not self._is_on_ground:
-            return _refusal("Disarm: not on the ground")
+            return futures.refused("Disarm: not on the ground")
         return self._with_authority("disarm", lambda wrapper, grant: request("disarm", wrapper.motors_off, grant=grant))
 
     @override
@@ -181,7 +180,9 @@ class DjiBackend(EngineBackend[DjiRequest]):
         del limits  # DJI's own landing takes no speed
         telemetry = self._session.telemetry
         if telemetry is not None and telemetry.wrapper.land is None:
-            return _refusal("Land: this wrapper's own landing blocks it (VehicleInfo.flies_landing_on_setpoints)")
+            return futures.refused(
+                "Land: this wrapper's own landing blocks it (VehicleInfo.flies_landing_on_setpoints)"
+            )
         return self._order("land", self._landing)
 
     def _landing(self) -> Command[DjiRequest]:
@@ -194,10 +195,10 @@ class DjiBackend(EngineBackend[DjiRequest]):
     def disarm_landed(self) -> Future[None]:
         telemetry = self._session.telemetry
         if telemetry is None or not self._is_on_ground:
-            return _refusal("Disarm: not on the ground")
+            return futures.refused("Disarm: not on the ground")
         why_lost = telemetry.why_authority_lost
         if why_lost:
-            return _refusal(f"Disarm: others have taken it over ({why_lost}), and its motors are theirs to stop")
+            return futures.refused(f"Disarm: others have taken it over ({why_lost}), and its motors are theirs to stop")
         return self._order("disarm", lambda: request("stop its motors", telemetry.wrapper.motors_off))
 
     @override
@@ -267,7 +268,3 @@ class DjiBackend(EngineBackend[DjiRequest]):
         if pose is None or not is_fresh:
             return Viewpoint(boots_count=snapshot.link.boots_count)
         return Viewpoint(pose.value, snapshot.link.boots_count, None, snapshot.position_geo())
-
-
-def _refusal(text: str) -> Future[None]:
-    return futures.failed(RejectedByAutopilotError(f"refused: {text}", {"text": text}))

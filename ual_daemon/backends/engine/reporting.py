@@ -45,7 +45,7 @@ ARM, DISARM = "arm", "disarm"
 _AGAIN = Repeat(every_s=0.25, most=18)
 
 
-class Report(NamedTuple):
+class VehicleReport(NamedTuple):
     """State of the vehicle at one moment.
 
     Attributes:
@@ -74,7 +74,7 @@ class Answer(NamedTuple):
 
 
 class ReportingBackend(EngineBackend[str]):
-    """Flies what sends `Report`s. A subclass has a `vehicle`, the names of three modes, and the abstract methods.
+    """Flies an autopilot that sends `VehicleReport`s. A subclass has a `vehicle`, three modes and the abstract methods.
 
     It takes off on setpoints. `speed`: how many times as fast as real time the time of a simulated autopilot passes;
     its reports are believed for so much longer in its own time. Tests pass a `clock` of their own.
@@ -106,7 +106,7 @@ class ReportingBackend(EngineBackend[str]):
     # --- What a subclass does -----------------------------------------------------------------------------------------
 
     @abstractmethod
-    def receive(self, timeout_s: float) -> Report | Answer | None:
+    def receive(self, timeout_s: float) -> VehicleReport | Answer | None:
         """Returns the next message of the autopilot; None if none came within so many seconds. One thread calls it."""
 
     @abstractmethod
@@ -185,7 +185,7 @@ class ReportingBackend(EngineBackend[str]):
         has_pose = False
         while message is not None and not has_paused:
             self._session.on_message(message, now_s)
-            has_pose = has_pose or isinstance(message, Report)
+            has_pose = has_pose or isinstance(message, VehicleReport)
             message = self.receive(0.0)
         self._loop.step(now_s, has_news=has_pose)
 
@@ -204,7 +204,7 @@ class _Session:
         self._epoch_s = time.time() - clock.now_s()
         self._plausibility = Plausibility()
         self._readings = Readings()
-        self._report: Reading[Report] = self._readings.add(Valid.WHILE_HEARD)
+        self._report: Reading[VehicleReport] = self._readings.add(Valid.WHILE_HEARD)
         self._boots_count = 0
 
     @property
@@ -230,7 +230,7 @@ class _Session:
         self._discard_state()
         self._backend.reconnect()
 
-    def on_message(self, message: Report | Answer, now_s: float) -> None:
+    def on_message(self, message: VehicleReport | Answer, now_s: float) -> None:
         """Takes a message of the autopilot."""
         self.watch.on_message(now_s)
         if isinstance(message, Answer):

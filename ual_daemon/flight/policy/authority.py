@@ -64,7 +64,7 @@ class Authority:
 
     def begin(self) -> None:
         """Notes that UAL is commanded. Called with the flight's lock held."""
-        # What is received now was there when the command was assessed: a silence before it had already ended.
+        # Messages received by now were there when the command was assessed: a silence before it had already ended.
         self.is_ours, self.is_ground_theirs, self.given_up, self._heard_s = True, False, "", None
         self._has_flown, self.taken, self.holder = True, "", None
 

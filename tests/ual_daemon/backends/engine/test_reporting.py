@@ -14,7 +14,7 @@ from ual.geometry import Pose, Twist, Vector3
 from ual.types import Limits
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.engine.loop import LoopThread
-from ual_daemon.backends.engine.reporting import Answer, Report, ReportingBackend
+from ual_daemon.backends.engine.reporting import Answer, ReportingBackend, VehicleReport
 from ual_daemon.backends.values import Control, LandedState, Setpoint, VehicleInfo, VelocitySetpoint
 
 LIMITS = Limits(3.0, 1.0, 1.0)
@@ -25,7 +25,7 @@ REST = VelocitySetpoint(Vector3(), 0.0)
 class Device:
     """The autopilot: messages that wait, and those that reached it."""
 
-    waiting: deque[Report | Answer] = field(default_factory=deque)
+    waiting: deque[VehicleReport | Answer] = field(default_factory=deque)
     commands: list[str] = field(default_factory=list)
     setpoints: list[Setpoint] = field(default_factory=list)
     connections: int = 1
@@ -44,7 +44,7 @@ class Plain(ReportingBackend):
         super().__init__(BackendOptions("uav_1"), clock=self.time)
 
     @override
-    def receive(self, timeout_s: float) -> Report | Answer | None:
+    def receive(self, timeout_s: float) -> VehicleReport | Answer | None:
         error, self.device.error = self.device.error, None
         if error is not None:
             raise error
@@ -62,15 +62,15 @@ class Plain(ReportingBackend):
     def reconnect(self) -> None:
         self.device.connections += 1
 
-    def turn(self, *messages: Report | Answer, after_s: float = 0.1) -> None:
+    def turn(self, *messages: VehicleReport | Answer, after_s: float = 0.1) -> None:
         """Lets time pass, and has the messages received."""
         self.time.now += after_s
         self.device.waiting.extend(messages)
         self._thread.turn()
 
-    def report(self, mode: str = "guided", *, is_armed: bool = True, is_on_ground: bool = False) -> Report:
+    def report(self, mode: str = "guided", *, is_armed: bool = True, is_on_ground: bool = False) -> VehicleReport:
         """Reports a hover at 3 m."""
-        return Report(self.time.now, is_armed, is_on_ground, mode, Pose.at(1.0, 2.0, 3.0, 0.5), Twist())
+        return VehicleReport(self.time.now, is_armed, is_on_ground, mode, Pose.at(1.0, 2.0, 3.0, 0.5), Twist())
 
 
 @pytest.fixture

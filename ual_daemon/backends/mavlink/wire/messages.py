@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, TypeAlias
 from pymavlink.dialects.v20 import all as mavlink
 
 from ual_daemon.backends.mavlink.wire import checksum
-from ual_daemon.backends.mavlink.wire.frames import MAGIC_V2, MavlinkFrame
+from ual_daemon.backends.mavlink.wire.frames import MavlinkFrame
 from ual_daemon.backends.mavlink.wire.signing import Signer
 
 __all__ = [
@@ -24,7 +24,6 @@ EVENT_ID = 410
 """The message of PX4's event interface, which no dialect of pymavlink has."""
 
 
-_MAGIC = bytes((MAGIC_V2,))
 _Target = mavlink.MAVLink_set_position_target_local_ned_message
 _TARGET = struct.Struct("<BBBBBBHBI11fHBBB")
 """Header after the magic: payload length, incompatible and compatible flags, sequence, system, component, message id
