@@ -8,6 +8,10 @@ LOCK := constraints.txt
 # Not compiled: pip would compile every module. COMPILE compiles those that are imported, a tenth of them.
 PIP_NEWEST := $(BIN)/python -m pip install --disable-pip-version-check --no-compile
 PIP_INSTALL := $(PIP_NEWEST) --constraint $(LOCK)
+# uv installs the many packages of development in a quarter of the time. What flies is installed by pip alone.
+UV := build/uv/bin/uv
+UV_INSTALL := $(UV) pip install --quiet --python $(BIN)/python
+UV_LOCKED := $(UV_INSTALL) --constraint $(LOCK)
 COMPILE := PYTHONDONTWRITEBYTECODE= $(BIN)/python tools/compile_used.py
 CLIENT := clients/python
 TOOLS := clients/python/ual_tools
@@ -36,15 +40,18 @@ $(VENV)/.made:
 
 dev: $(DEV)  ## The tools for development over it: tests, lint, types
 
-$(DEV): $(INSTALLED)
-	@echo 'Installing the tools for development into $(VENV), once'
-	$(PIP_INSTALL) -e $(CLIENT) -e $(TOOLS) -e '.[dev]'
+$(DEV): $(DISTRIBUTIONS) $(LOCK) tools/compile_used.py | $(UV)
+	@echo 'Installing UAL and its tools for development into $(VENV), once'
+	$(UV_LOCKED) -e $(CLIENT) -e $(TOOLS) -e '.[dev]'
 	$(COMPILE)
-	@touch $@
+	@touch $(INSTALLED) $@
+
+$(UV): | $(VENV)/.made
+	$(PIP_NEWEST) --quiet --target build/uv uv
 
 PROJECTS = pyproject.toml $(CLIENT)/pyproject.toml $(TOOLS)/pyproject.toml
 NOT_OURS = $(foreach each,client tools daemon,--no-emit-package ual-$(each))
-UV_COMPILE = build/uv/bin/uv pip compile --quiet --upgrade --universal --python-version 3.10 --no-python-downloads --no-annotate \
+UV_COMPILE = $(UV) pip compile --quiet --upgrade --universal --python-version 3.10 --no-python-downloads --no-annotate \
 	--custom-compile-command 'make lock'
 IMAGE_EXTRAS := serial ros record metrics tracing network
 # Every extra is in it, so that none of them changes the version of what flies. One file for Python 3.10 and newer.
@@ -105,7 +112,7 @@ test-thorough: $(DEV)  ## The property tests, each with 1000 examples that are n
 
 # Other versions are laid over those of the virtual environment, which is quicker than an environment of its own.
 GRPC_FAMILY := grpcio grpcio-status grpcio-health-checking grpcio-reflection
-LAY_OVER = rm -rf $(1) && $(PIP_NEWEST) --quiet --target $(1)
+LAY_OVER = rm -rf $(1) && $(UV_INSTALL) --target $(1)
 WITH = PYTHONPATH=$(CURDIR)/$(1)$${PYTHONPATH:+:$$PYTHONPATH} $(BIN)/python
 GRPC_TESTS := tests/ual_daemon/server tests/ual/test_setpoints.py tests/ual/test_conformance.py \
 	-k 'not over_class and not unix_socket'
@@ -163,8 +170,8 @@ docs: $(VENV)/.docs  ## The manuals and the API reference as one HTML site, in b
 	$(BIN)/python -m tools.site build/docs
 	@echo 'The site begins at build/docs/index.html'
 
-$(VENV)/.docs: $(INSTALLED)
-	$(PIP_INSTALL) --quiet -e '.[docs]'
+$(VENV)/.docs: $(INSTALLED) | $(UV)
+	$(UV_LOCKED) -e '.[docs]'
 	touch $@
 
 format: $(DEV)  ## The code in its style
@@ -207,7 +214,7 @@ bench-tracker: $(DEV)  ## How straight and how fast it flies: light, and real au
 	$(BIN)/python -m benchmarks.tracker $(BENCH)
 
 $(VENV)/.bench: benchmarks/requirements.txt $(DEV)
-	$(PIP_INSTALL) --quiet -r $< && touch $@ \
+	$(UV_LOCKED) -r $< && touch $@ \
 		|| echo 'not all of $< could be installed: what needs the rest is not measured'
 
 clean:  ## Everything that was made here

@@ -2,7 +2,7 @@
 # Runs a command on the newest Python of Debian's testing, in a root of its own: tools/newest_python.sh -m pytest ...
 #
 # Makes the root in build/newest-python where it is missing (10 s, 110 MB), and installs UAL with its tools for development
-# in the versions of constraints.txt (30 s), but gRPC in its newest. Needs the rights of root, and mmdebstrap. Nothing outside of the root changes.
+# in the versions of constraints.txt (10 s), but gRPC in its newest. Needs the rights of root, and mmdebstrap. Nothing outside of the root changes.
 set -euo pipefail
 here=$(cd "$(dirname "$0")/.." && pwd)
 root=$here/build/newest-python
@@ -37,11 +37,11 @@ exec chroot "$root" bash -euo pipefail -c '
     cd "$1"
     shift
     if [[ constraints.txt -nt /venv/.installed || pyproject.toml -nt /venv/.installed ]]; then
-        python3 -m venv /venv
-        /venv/bin/python -m pip install --quiet --disable-pip-version-check --no-compile --constraint constraints.txt \
+        python3 -m venv --without-pip /venv
+        build/uv/bin/uv pip install --quiet --python /venv/bin/python --constraint constraints.txt \
             -e clients/python -e clients/python/ual_tools -e ".[dev]"
         # As `make test-newest-grpc` has them.
-        /venv/bin/python -m pip install --quiet --disable-pip-version-check --no-compile --no-deps --upgrade \
+        build/uv/bin/uv pip install --quiet --python /venv/bin/python --no-deps --upgrade \
             grpcio grpcio-status grpcio-health-checking grpcio-reflection "protobuf<8"
         touch /venv/.installed
     fi
