@@ -129,7 +129,7 @@ test-newest-grpc: $(DEV)  ## What uses gRPC, on PyPI's newest grpcio and protobu
 	$(call WITH,build/newest-grpc) -m pytest $(call OR_TESTS,$(GRPC_TESTS))
 
 # The engine, what flies and what serves: the rooms whose tests use most of what a new Python may change.
-test-newest-python:  ## A part of the tests on the newest Python of Debian's testing and the newest grpcio, with its coverage
+test-newest-python: | $(UV)  ## A part of the tests on the newest Python of Debian's testing and the newest grpcio, with its coverage
 	COVERAGE_CORE=sysmon tools/newest_python.sh -m pytest $(call OR_TESTS,--cov --cov-report=json:build/coverage.json \
 		tests/ual_daemon/backends/engine tests/ual_daemon/flight tests/ual_daemon/frames $(GRPC_TESTS))
 	$(if $(TESTS),,python3 tools/coverage_by_room.py build/coverage.json)
