@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import ctypes
 import gc
+import importlib
 import json
 import os
 import runpy
@@ -269,8 +270,11 @@ def _stream(number: int) -> Any:
 
 def _import_all() -> None:
     """Imports what a daemon and `ual` import; none of it starts a thread, which a fork would not have."""
-    import ual_tools.main  # noqa: F401 - imported for those that are forked off
     from ual_daemon.backends.light import painter
+    from ual_tools.main import MODULES
+
+    for each in MODULES:
+        importlib.import_module(f"ual_tools.{each}")  # for those that are forked off
 
     painter.PATIENCE_S, painter._NICENESS = waiting.LIMIT_S, 0  # as `painters_take_their_turn` has it
     # A daemon that looks at all of this for garbage copies it: at its end, that took 0.15 s of the processor.

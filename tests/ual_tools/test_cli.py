@@ -190,9 +190,22 @@ def test_messages_name_a_command_as_it_is_typed(daemon: DaemonProcess) -> None:
         assert refused.stderr.startswith(f"ual: WRONG_STATE: {words[0]} needs the state ")
 
 
+def imported_by(code: str) -> set[str]:
+    """Returns the names of the modules that a new Python has imported after this code."""
+    command = [sys.executable, "-c", f"{code}; import sys; print(*sys.modules, file=sys.stderr)"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=LIMIT_S)
+    return set(done.stderr.split())
+
+
 def test_help_needs_no_grpc() -> None:
-    code = "import sys, ual_tools.main; sys.exit('grpc' in sys.modules or 'rich' in sys.modules)"
-    assert subprocess.run([sys.executable, "-c", code], timeout=LIMIT_S).returncode == 0
+    assert not {"grpc", "rich"} & imported_by("from ual_tools.main import cli; list(cli.commands.values())")
+
+
+def test_a_command_imports_what_it_needs_alone() -> None:
+    assert not {"ual_tools.flight", "ual_tools.missions"} & imported_by("import ual_tools.main")
+    needed = imported_by("from ual_tools.main import cli; cli.commands['land']")
+    assert "ual_tools.flight" in needed
+    assert not {"ual_tools.missions", "ual_tools.cameras", "ual_tools.certificates"} & needed
 
 
 @pytest.mark.parametrize(

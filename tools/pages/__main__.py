@@ -1,6 +1,7 @@
 """Writes the parts of the pages that follow from the code: ``python -m tools.pages`` (``make pages``).
 
-Pictures of the concepts, and the pages of the command line, the settings and Telemetry's fields. With ``--check``
+Pictures of the concepts, the pages of the command line, the settings and Telemetry's fields, and the list of commands
+that `ual --help` shows. With ``--check``
 nothing is written, and what is out of date fails.
 """
 
@@ -9,7 +10,7 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from tools.pages import options, settings, telemetry
+from tools.pages import commands, options, settings, telemetry
 from tools.pages.pictures import PICTURES
 
 ROOT = Path(__file__).parents[2]
@@ -19,6 +20,7 @@ _REFERENCE = ROOT / "docs" / "reference"
 def derived() -> dict[Path, str]:
     """Returns all pages and pictures that follow from the code, by path."""
     return {
+        ROOT / "clients" / "python" / "ual_tools" / "command_list.py": commands.source(),
         _REFERENCE / "command-line.md": options.page(),
         _REFERENCE / "settings.md": settings.page(),
         _REFERENCE / "telemetry.md": telemetry.page(),

@@ -8,8 +8,8 @@ from collections.abc import Iterator, Sequence
 
 import click
 
+from tools.pages.commands import all_commands
 from ual_daemon.program.main import main as daemon
-from ual_tools.main import cli
 
 _HEAD = """# Options of `ual` and `ual-daemon`
 
@@ -22,7 +22,7 @@ in common, and [configuration](configuration.md) the settings of the daemon.
 
 def page() -> str:
     """Returns the page."""
-    leaves = list(_leaves(cli, "ual"))
+    leaves = list(_leaves(click.Group(commands=all_commands()), "ual"))
     shared = {name for name, _ in _options(leaves[0][1])}.intersection(
         *({n for n, _ in _options(c)} for _, c in leaves)
     )

@@ -12,7 +12,7 @@ from typing_extensions import override
 
 from ual.errors import UalError
 from ual_tools import multi, options
-from ual_tools.help import ALIASES, Section, close, no_such_command, write_commands, write_examples
+from ual_tools.help import ALIASES, Section, close, no_such_command, write_examples
 from ual_tools.session import INTERRUPTED, REFUSED, fail_usage, session
 from ual_tools.streams import OutputLostError, end_without_output
 
@@ -37,7 +37,7 @@ def _write_unbroken(formatter: click.HelpFormatter, text: str) -> None:
     formatter.write(textwrap.indent(textwrap.fill(text, width, break_on_hyphens=False), indent) + "\n")
 
 
-class _SharedOptions(click.Command):
+class SharedOptions(click.Command):
     """A command or group with the options of `CommandSession`, a section of the help, and examples.
 
     Args:
@@ -77,7 +77,7 @@ class _SharedOptions(click.Command):
         """Refuses an option that does not exist, which click would take for an argument: see `UalCommand`."""
 
 
-class UalCommand(_SharedOptions):
+class UalCommand(SharedOptions):
     """A command that takes the shared options, and negative numbers as arguments.
 
     Args:
@@ -125,7 +125,7 @@ def _has_json(words: Sequence[str]) -> bool:
 _IS_JSON = "ual_tools.is_json"
 
 
-class UalGroup(_SharedOptions, click.Group):
+class UalGroup(SharedOptions, click.Group):
     """A group of commands. Ends the program with the exit status that fits an error or an interruption."""
 
     command_class = UalCommand
@@ -143,14 +143,6 @@ class UalGroup(_SharedOptions, click.Group):
         if self.get_command(ctx, name) is None and not (ctx.resilient_parsing or name.startswith("-")):
             ctx.fail(no_such_command(name, self.commands))
         return super().resolve_command(ctx, args)
-
-    @override
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        if ctx.parent is not None:
-            super().format_commands(ctx, formatter)
-            return
-        sections = {name: each.section for name, each in self.commands.items() if isinstance(each, _SharedOptions)}
-        write_commands(formatter, self.commands, sections)
 
     @override
     def make_context(

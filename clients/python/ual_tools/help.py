@@ -6,6 +6,7 @@ import difflib
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from enum import Enum
+from typing import NamedTuple
 
 import click
 
@@ -23,6 +24,14 @@ class Section(Enum):
     ACCESS = "Who may fly"
     TEAMS = "Teams and networks"
     TOOLS = "Checks and shell"
+
+
+class ListedCommand(NamedTuple):
+    """What `ual --help` shows of a command, and the module that has it in its `COMMANDS`."""
+
+    module: str
+    section: Section
+    short_help: str
 
 
 WIDEST_COLUMNS = 120
@@ -105,14 +114,15 @@ def write_examples(formatter: click.HelpFormatter, examples: Sequence[str]) -> N
                 formatter.write(f"{'':>{formatter.current_indent}}{each}\n")
 
 
-def write_commands(
-    formatter: click.HelpFormatter, commands: Mapping[str, click.Command], sections: Mapping[str, Section]
-) -> None:
+def write_commands(formatter: click.HelpFormatter, commands: Mapping[str, ListedCommand]) -> None:
     """Writes one list of commands for each section."""
     for section in Section:
-        found = {name: command for name, command in commands.items() if sections.get(name) is section}
+        found = {name: each.short_help for name, each in commands.items() if each.section is section}
         limit = formatter.width - 6 - max(map(len, found), default=0)
-        rows = [(name, command.get_short_help_str(limit)) for name, command in found.items()]
-        if rows:
+        if found:
             with formatter.section(section.value):
-                formatter.write_dl(rows)
+                formatter.write_dl([(name, _shortened(text, limit)) for name, text in found.items()])
+
+
+def _shortened(text: str, limit: int) -> str:
+    return click.Command(None, help=text).get_short_help_str(limit)

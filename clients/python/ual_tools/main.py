@@ -9,40 +9,44 @@ import click
 
 from ual.errors import InvalidArgumentError
 from ual.shared import environment
-from ual_tools import (
-    __version__,
-    audit,
-    certificates,
-    check,
-    completion,
-    extpose,
-    flight,
-    frames,
-    launch,
-    lease,
-    missions,
-    path,
-    record,
-    services,
-    simulation,
-    status,
-    streams,
-    task,
-    tokens,
-    waypoints,
-    where,
-)
-from ual_tools.app import UalGroup
+from ual_tools import __version__, streams
+from ual_tools.command_list import COMMANDS
 from ual_tools.help import WIDEST_COLUMNS
-from ual_tools.network import gateway, router
-from ual_tools.ros2 import command as ros2
-from ual_tools.rtcm import command as rtcm
-from ual_tools.teleop import command as teleop
-from ual_tools.view import command as view
+from ual_tools.lazy import LazyGroup
+
+MODULES = (
+    "status",
+    "lease",
+    "flight",
+    "teleop.command",
+    "task",
+    "path",
+    "frames",
+    "where",
+    "waypoints",
+    "missions",
+    "services",
+    "rtcm.command",
+    "simulation",
+    "tokens",
+    "certificates",
+    "network.router",
+    "network.gateway",
+    "audit",
+    "check",
+    "extpose",
+    "record",
+    "view.command",
+    "launch.command",
+    "ros2.command",
+    "completion",
+)
+"""Modules of the commands, in the order of their sections in `ual --help`."""
 
 
 @click.group(
-    cls=UalGroup,
+    cls=LazyGroup,
+    listed=COMMANDS,
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": WIDEST_COLUMNS},
     examples=(
         "ual list",
@@ -63,36 +67,6 @@ def cli() -> None:
         environment.require_known()
     except InvalidArgumentError as error:
         raise click.UsageError(error.message) from None
-
-
-for command in (
-    *status.COMMANDS,
-    *lease.COMMANDS,
-    *flight.COMMANDS,
-    *teleop.COMMANDS,
-    *task.COMMANDS,
-    *path.COMMANDS,
-    *frames.COMMANDS,
-    *where.COMMANDS,
-    *waypoints.COMMANDS,
-    *missions.COMMANDS,
-    *services.COMMANDS,
-    *rtcm.COMMANDS,
-    *simulation.COMMANDS,
-    *tokens.COMMANDS,
-    *certificates.COMMANDS,
-    *router.COMMANDS,
-    *gateway.COMMANDS,
-    *audit.COMMANDS,
-    *check.COMMANDS,
-    *extpose.COMMANDS,
-    *record.COMMANDS,
-    *view.COMMANDS,
-    *launch.COMMANDS,
-    *ros2.COMMANDS,
-    *completion.COMMANDS,
-):
-    cli.add_command(command)
 
 
 def main() -> None:
