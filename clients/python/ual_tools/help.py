@@ -27,7 +27,7 @@ class Section(Enum):
 
 
 class ListedCommand(NamedTuple):
-    """What `ual --help` shows of a command, and the module that has it in its `COMMANDS`."""
+    """Section and line of a command in `ual --help`, and the module that has it in its `COMMANDS`."""
 
     module: str
     section: Section
