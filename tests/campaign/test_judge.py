@@ -25,6 +25,7 @@ from tests.campaign.record import (
     StatusText,
     Trouble,
 )
+from tests.campaign.words import cause_in
 
 GUIDED, LOITER, LAND = ARDUPILOT.references, 5, 9
 TAKEN_S, GIVEN_BACK_S = 14.0, 20.0
@@ -361,3 +362,16 @@ def test_the_plans_of_a_campaign_have_every_fault() -> None:
     assert kinds >= {"loss", "delay", "corruption", "silence", "kill_daemon", "kill_client", "second_sender", "pilot"}
     assert kinds >= {"rc_loss", "battery", "fence", "ekf", "freeze", "busy", "reboot"}
     assert kinds >= {"limits", "wide_fence", "home", "origin", "station"}
+
+
+@pytest.mark.parametrize(
+    ("reason", "cause"),
+    [
+        ("in the air, mode POSCTL does not take our references: safety pilot", "safety pilot"),
+        ("does not follow (in the air, mode POSCTL does not take our references: safety pilot)", "safety pilot"),
+        ("falls (in the air, mode POSCTL: safety pilot; the autopilot has stopped its motors)", "safety pilot"),
+        ("in the air, mode POSCTL: another one", ""),
+    ],
+)
+def test_the_cause_in_a_reason_is_found_whatever_stands_behind_it(reason: str, cause: str) -> None:
+    assert cause_in(reason) == cause

@@ -130,6 +130,7 @@ def _modes(case: Case) -> Iterator[Known]:
 
 
 def cause_in(reason: str) -> str:
-    """Returns the cause that a reason of a state ends with; empty where it names none."""
-    cause = reason.rpartition(": ")[2].rstrip(")")  # of a vehicle that does not follow it comes in brackets
+    """Returns the cause that a reason of a state names last; empty where it names none."""
+    cause = reason.rpartition(": ")[2].partition(";")[0]  # behind it may stand that the motors are stopped
+    cause = cause.rstrip(")")  # of a vehicle that does not follow it comes in brackets
     return cause if cause in _NAMES else ""
