@@ -425,7 +425,7 @@ class Commands:
         """Cancels a task: the UAV stops and holds its position. Nothing happens if the task has ended.
 
         Raises:
-            WrongStateError: It is taking off or landing, which only the safety pilot can abort.
+            WrongStateError: It is taking off or landing, which only the safety pilot can abort, where there is one.
             LinkLostError: The autopilot flies it by itself, and nothing is received from it.
 
         """

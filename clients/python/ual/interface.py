@@ -112,7 +112,7 @@ class Task(Protocol):
         """Ends it: the UAV stops and holds its position. Does nothing if it has ended.
 
         Raises:
-            WrongStateError: It is a take-off or a landing, which only the safety pilot can abort.
+            WrongStateError: It is a take-off or a landing, which only the safety pilot can abort, where there is one.
 
         """
         ...
@@ -951,8 +951,8 @@ class TaskCommands(ABC, Generic[T]):
                 0.1 m) when the task ends.
             force: Whether to take off although a failsafe of the autopilot is active (``Telemetry.health.failsafe``).
             blocking: Whether to wait for the end.
-            timeout_s: How long to wait, in seconds. The take-off goes on when it passes: only the safety pilot can
-                abort it.
+            timeout_s: How long to wait, in seconds. The take-off goes on when it passes: only the safety pilot,
+                where there is one, can abort it.
 
         Raises:
             WrongStateError: The UAV is not armed on the ground, others have flown it, or a failsafe is active.
@@ -1131,7 +1131,8 @@ class TaskCommands(ABC, Generic[T]):
             WrongStateError: The UAV does not fly by references of UAL, or no home is known.
             InvalidArgumentError: The height is not a positive number.
             GeofenceError: Home or the way there lies outside the geofence; the message says what to do.
-            TaskAbortedError: As in `go_to_waypoint`. Once the landing has begun, only the safety pilot can abort it.
+            TaskAbortedError: As in `go_to_waypoint`. Once the landing has begun, only the safety pilot can
+                abort it, where there is one.
 
         Example:
             >>> uav.return_to_launch()

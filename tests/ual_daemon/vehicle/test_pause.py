@@ -126,7 +126,7 @@ def test_what_cannot_be_paused_is_refused_with_words(uav: Stepped) -> None:
     uav.arm()
     task = uav.prepare.take_off(3.0).begin()
     uav.run(1.0)
-    with pytest.raises(WrongStateError, match=r"take_off cannot be paused: only the safety pilot"):
+    with pytest.raises(WrongStateError, match=r"take_off cannot be paused: it goes on to its end"):
         commands.pause()
     uav.end(task.future)
     with pytest.raises(WrongStateError, match="resume: no task runs"):

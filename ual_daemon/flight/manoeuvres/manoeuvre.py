@@ -146,7 +146,7 @@ class Manoeuvre(ABC):
     """Whether the autopilot has held by itself since it stops a mission."""
     overrules_nobody = False
     """Whether it sends nothing in a mode that UAL did not choose, also where it was chosen before it began."""
-    why_not_pausable = "only the safety pilot can abort it"
+    why_not_pausable = "it goes on to its end"
     # Here and not in `__init__`: each setpoint of a stream makes a manoeuvre.
     task: VehicleTask | None = None
     command: AutopilotCommand | None = None

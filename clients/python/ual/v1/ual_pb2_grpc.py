@@ -295,9 +295,9 @@ class UalServiceServicer(object):
 
     def TakeOff(self, request, context):
         """TASK. Climbs straight up to a height above the ground the UAV stands on. Allowed in LANDED_ARMED. Ends when within
-        5 % (at least 0.1 m) of the height and slow. Only the safety pilot can abort it. Refused with WRONG_STATE after others
-        have flown the UAV, until it was disarmed once or RecoverFromManual was called on the ground; and while a failsafe is
-        active, unless forced.
+        5 % (at least 0.1 m) of the height and slow. Only the safety pilot can abort it, where there is one. Refused with
+        WRONG_STATE after others have flown the UAV, until it was disarmed once or RecoverFromManual was called on the ground;
+        and while a failsafe is active, unless forced.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')

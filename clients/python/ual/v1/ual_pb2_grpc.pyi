@@ -941,9 +941,9 @@ class UalServiceStub(typing.Generic[_UalServiceGetInfoType, _UalServiceGetTeleme
 
     TakeOff: _UalServiceTakeOffType
     """TASK. Climbs straight up to a height above the ground the UAV stands on. Allowed in LANDED_ARMED. Ends when within
-    5 % (at least 0.1 m) of the height and slow. Only the safety pilot can abort it. Refused with WRONG_STATE after others
-    have flown the UAV, until it was disarmed once or RecoverFromManual was called on the ground; and while a failsafe is
-    active, unless forced.
+    5 % (at least 0.1 m) of the height and slow. Only the safety pilot can abort it, where there is one. Refused with
+    WRONG_STATE after others have flown the UAV, until it was disarmed once or RecoverFromManual was called on the ground;
+    and while a failsafe is active, unless forced.
     """
 
     Land: _UalServiceLandType
@@ -1298,9 +1298,9 @@ class UalServiceServicer(metaclass=abc.ABCMeta):
         context: _ServicerContext,
     ) -> typing.Union[ual.v1.ual_pb2.TakeOffResponse, collections.abc.Awaitable[ual.v1.ual_pb2.TakeOffResponse]]:
         """TASK. Climbs straight up to a height above the ground the UAV stands on. Allowed in LANDED_ARMED. Ends when within
-        5 % (at least 0.1 m) of the height and slow. Only the safety pilot can abort it. Refused with WRONG_STATE after others
-        have flown the UAV, until it was disarmed once or RecoverFromManual was called on the ground; and while a failsafe is
-        active, unless forced.
+        5 % (at least 0.1 m) of the height and slow. Only the safety pilot can abort it, where there is one. Refused with
+        WRONG_STATE after others have flown the UAV, until it was disarmed once or RecoverFromManual was called on the ground;
+        and while a failsafe is active, unless forced.
         """
 
     @abc.abstractmethod
