@@ -9,7 +9,9 @@ from ual_tools.app import Multi, command
 from ual_tools.help import Section
 from ual_tools.session import CommandSession, pass_session
 
-_INTERRUPTED = f"{manoeuvre.CANCELLED}; a landing that has begun goes on: ual abort ends it only on a vehicle without a safety pilot"
+_INTERRUPTED = (
+    f"{manoeuvre.CANCELLED}; a landing that has begun goes on: ual abort ends it only on a vehicle without a safety pilot"
+)
 
 
 @command("rtl", "ual rtl", "ual rtl --height 30", multi=Multi.REACHABLE)
