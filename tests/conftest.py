@@ -142,7 +142,7 @@ def painters_take_their_turn() -> Iterator[None]:
     painter = sys.modules.get("ual_daemon.backends.light.painter")
     with pytest.MonkeyPatch.context() as patch:
         if painter is not None:
-            patch.setattr(painter, "PATIENCE_S", LIMIT_S)
+            patch.setattr(painter, "PICTURE_TIMEOUT_S", LIMIT_S)
             patch.setattr(painter, "_NICENESS", 0)
         yield
 

@@ -401,7 +401,9 @@ WHOLE: dict[str, Callable[[Path, int], object]] = {
     "joystick": lambda folder, n: Mapping(f"{7:032x}", f"pad {n}", {"a": "b0"}).save(folder),
     "csv": lambda folder, n: tables.write_csv(folder / "a.csv", [[n] * len(tables.HEADER)] * 100),
     "kml": lambda folder, n: tracks.write_kml(folder / "a.kml", {"uav_1": [tracks.Point(47.0, 8.0, 400.0, n)]}, f"{n}"),
-    "gateway, cameras, launch": lambda folder, n: whole_file.write(folder / "uavs.map", f"{n}", whole_file.READABLE),
+    "gateway, cameras, launch": lambda folder, n: whole_file.write(
+        folder / "uavs.map", f"{n}", whole_file.READABLE_PERMISSIONS
+    ),
     "registration": _registered,
     "toc": _saved_toc,
 }
@@ -444,6 +446,6 @@ if __name__ == "__main__":
     logging.getLogger().addHandler(logging.NullHandler())
     recorder_module.FLUSH_S = 0.05
     vars(recorder_module)["GrowingPauses"] = partial(GrowingPauses, 0.02, 0.1)
-    vars(audit_writer)["_RETRY_S"] = vars(audit_writer)["_LOOK_S"] = 0.02
+    vars(audit_writer)["_RETRY_S"] = vars(audit_writer)["_FILE_CHECK_S"] = 0.02
     with tempfile.TemporaryDirectory() as folder:
         print(json.dumps(run(sys.argv[1], Path(folder))))

@@ -276,7 +276,7 @@ def _import_all() -> None:
     for each in MODULES:
         importlib.import_module(f"ual_tools.{each}")  # for those that are forked off
 
-    painter.PATIENCE_S, painter._NICENESS = waiting.LIMIT_S, 0  # as `painters_take_their_turn` has it
+    painter.PICTURE_TIMEOUT_S, painter._PAINTER_NICENESS = waiting.LIMIT_S, 0  # as `painters_take_their_turn` has it
     # A daemon that looks at all of this for garbage copies it: at its end, that took 0.15 s of the processor.
     gc.collect()
     gc.freeze()

@@ -14,7 +14,7 @@ from tests.waiting import until
 from ual import conformance
 from ual.conformance import Check, CheckFailedError, Flight
 from ual.conformance.flight import CannotRunError
-from ual.conformance.runner import LONGEST_GAP_S
+from ual.conformance.runner import LONGEST_TELEMETRY_GAP_S
 from ual.interface import Uav
 
 _ATTEMPTS = 5
@@ -56,7 +56,7 @@ def run_check(flight: Flight, check: Check) -> None:
             return conformance.run_check(flight, check)
         except _OF_SILENCE as error:
             # A command that came too late is refused in its new state, and what flew is given up.
-            if not (flight.longest_silence_s > LONGEST_GAP_S or _is_silence(error)):
+            if not (flight.longest_silence_s > LONGEST_TELEMETRY_GAP_S or _is_silence(error)):
                 raise
     return conformance.run_check(flight, check)
 

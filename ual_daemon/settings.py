@@ -272,7 +272,7 @@ _TYPES = {
     "null": "nothing",
 }
 _BOUNDS = {"of length": "of length", ">=": "of at least", ">": "above", "<=": "of at most", "<": "below"}
-_LEAST_SIMILARITY = 0.75
+_NAME_SIMILARITY = 0.75
 _INDEX = re.compile(r"\[[^]]*\]")
 
 
@@ -288,7 +288,7 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
     last = word.rsplit(".", maxsplit=1)[-1]
     alike = [] if "[" in word else [name for name in names if name.split(".")[-1] == last]
     word = _INDEX.sub("", word)
-    alike = alike or difflib.get_close_matches(word, names, n=3, cutoff=_LEAST_SIMILARITY)
+    alike = alike or difflib.get_close_matches(word, names, n=3, cutoff=_NAME_SIMILARITY)
     return f"; did you mean {' or '.join(alike)}?" if alike else ""
 
 

@@ -218,7 +218,7 @@ class UAL(Uncopied, PartMembers, UavMembers):
 
     @override
     def subscribe(self, callback: Callable[[Telemetry], None], rate_hz: float = 0.0) -> Subscription:
-        rate_hz = validation.not_negative(rate_hz, "rate_hz", at_most=validation.MAX_RATE_HZ)
+        rate_hz = validation.not_negative(rate_hz, "rate_hz", at_most=validation.MAX_STREAM_RATE_HZ)
         subscription = _Subscription(self._open, self._callbacks.open(callback), rate_hz, self._subscriptions.discard)
         self._subscriptions.add(subscription)
         return subscription
@@ -379,7 +379,7 @@ class _Task(Task):
 
     @override
     def watch(self, rate_hz: float = 10.0) -> Iterator[TaskInfo]:
-        period_s = 1.0 / validation.positive(rate_hz, "rate_hz", at_most=validation.MAX_RATE_HZ)
+        period_s = 1.0 / validation.positive(rate_hz, "rate_hz", at_most=validation.MAX_STREAM_RATE_HZ)
         while not self._task.future.done():
             yield self._task.info()
             concurrent.futures.wait([self._task.future], timeout=period_s)

@@ -24,7 +24,7 @@ MAX_HOLD_S = 3600.0
 """Most seconds of a path's hold at one waypoint."""
 MAX_ANGULAR_SPEED_RAD_S = 1000.0
 """Of what is measured."""
-MAX_RATE_HZ = 1e9
+MAX_STREAM_RATE_HZ = 1e9
 MAX_STAMP_S = 253_402_300_799.0
 """The end of the year 9999, the latest time in protobuf."""
 

@@ -27,7 +27,7 @@ class PatientBackend(MavlinkBackend):
         super().__init__(options)
         for dialect in (Dialect, ArduCopter):
             dialect.freshness = Freshness(*[PATIENCE_S] * 5)
-        limits.PAUSE_S = PATIENCE_S
+        limits.READER_PAUSE_S = PATIENCE_S
 
 
 if __name__ == "__main__":

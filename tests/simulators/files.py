@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
-from ual_daemon.backends.mavlink.protocols.ftp_packet import BLOCK, FtpPacket, Nak, Opcode, decode
+from ual_daemon.backends.mavlink.protocols.ftp_packet import BLOCK_BYTES, FtpPacket, Nak, Opcode, decode
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
 if TYPE_CHECKING:
@@ -157,7 +157,7 @@ class FileStore:
             shown = ["S", "S", *shown]
         data = b""
         for each in shown[packet.offset :]:
-            if len(data) + len(each) + 1 > BLOCK:
+            if len(data) + len(each) + 1 > BLOCK_BYTES:
                 break
             data += each.encode() + b"\0"
         if data:
@@ -193,7 +193,7 @@ class FileStore:
 
     def _at(self, offset: int) -> bytes:
         whole = self.files.get(self._path or "", b"")
-        return whole[offset : min(offset + BLOCK, self._size if self._is_px4 else len(whole))]
+        return whole[offset : min(offset + BLOCK_BYTES, self._size if self._is_px4 else len(whole))]
 
     def _begin_burst(self, packet: FtpPacket, sender: Sender, now_s: float) -> None:
         if self._path is None:
@@ -212,13 +212,15 @@ class FileStore:
         self._burst_sequence += 1
         if not data:
             self._burst = None
-            at = self._burst_at if self._is_px4 or self._burst_at % BLOCK else max(0, self._burst_at - BLOCK)
+            at = (
+                self._burst_at if self._is_px4 or self._burst_at % BLOCK_BYTES else max(0, self._burst_at - BLOCK_BYTES)
+            )
             answer = FtpPacket(
                 sequence, packet.session, Opcode.NAK, 1, Opcode.BURST_READ_FILE, False, at, bytes((Nak.END_OF_FILE,))
             )
         else:
             self._burst_sent += len(data)
-            is_last = self._burst_sent > 35_000 if self._is_px4 else self._burst_sent >= 500 * BLOCK
+            is_last = self._burst_sent > 35_000 if self._is_px4 else self._burst_sent >= 500 * BLOCK_BYTES
             answer = FtpPacket(
                 sequence, packet.session, Opcode.ACK, len(data), Opcode.BURST_READ_FILE, is_last, self._burst_at, data
             )

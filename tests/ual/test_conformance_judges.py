@@ -16,7 +16,7 @@ from tests.waiting import until_state
 from ual import conformance
 from ual.conformance import Check, CheckFailedError, Flight, Outcome, Tolerances
 from ual.conformance.flight import CannotRunError
-from ual.conformance.runner import LONGEST_GAP_S
+from ual.conformance.runner import LONGEST_TELEMETRY_GAP_S
 from ual.errors import PermissionDeniedError, UalError, WrongStateError
 from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
 from ual.interface import Task, Uav
@@ -339,7 +339,7 @@ def test_a_check_that_saw_too_little_says_so(sabotaged: Sabotaged) -> None:
 
         def late(sample: Telemetry) -> None:
             first.append(sample.stamp_s)
-            if not 0.0 < sample.stamp_s - first[0] < LONGEST_GAP_S + 0.1:
+            if not 0.0 < sample.stamp_s - first[0] < LONGEST_TELEMETRY_GAP_S + 0.1:
                 callback(sample)
 
         return sabotaged.uav.subscribe(late, rate_hz)
@@ -356,8 +356,8 @@ def test_a_command_that_takes_long_to_arrive_counts_as_silence(sabotaged: Sabota
     flight = Flight(cast("Uav", sabotaged))
     with flight.observing():
         seen = flight.wait(lambda _: True, "a sample")
-        flight.give_at_once(lambda: flight.let_pass(2 * LONGEST_GAP_S), seen)
-    assert flight.longest_silence_s >= 2 * LONGEST_GAP_S
+        flight.give_at_once(lambda: flight.let_pass(2 * LONGEST_TELEMETRY_GAP_S), seen)
+    assert flight.longest_silence_s >= 2 * LONGEST_TELEMETRY_GAP_S
 
 
 def test_without_leave_to_move_nothing_moves(sabotaged: Sabotaged) -> None:

@@ -13,7 +13,7 @@ from tests.ual.fake_daemon import FakeDaemon
 from tests.waiting import LIMIT_S
 from ual import _calls, _direct, _setpoints
 from ual._connection import Connection
-from ual._setpoints import STALE_S, Setpoints, _Stream
+from ual._setpoints import STALE_SETPOINT_S, Setpoints, _Stream
 from ual._target import DaemonTarget
 from ual.errors import InvalidArgumentError, WrongStateError
 from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
@@ -136,7 +136,7 @@ def test_a_refusal_that_no_call_can_raise_is_logged(
 def test_what_the_daemon_does_not_take_before_the_stream_must_end_is_reported(
     daemon: FakeDaemon, setpoints: Setpoints, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(_setpoints, "CLOSE_S", 0.2)
+    monkeypatch.setattr(_setpoints, "CLOSE_TIMEOUT_S", 0.2)
     setpoints.send(forward(1.0))
     setpoints.send(forward(2.0))
     assert setpoints.settle()
@@ -314,7 +314,7 @@ def test_what_could_not_be_sent_in_time_is_never_sent(clock: HandClock, monkeypa
     stream = opened(clock, call, monkeypatch)
     stream.put(forward(1.0))
     stream.put(forward(2.0))
-    clock.now_s += STALE_S + 0.01
+    clock.now_s += STALE_SETPOINT_S + 0.01
     call.is_out[0](None)
     stream.close(0.0)
     assert call.sent == [1.0]

@@ -18,7 +18,7 @@ from tests.ual import fake_daemon
 from tests.ual.fake_daemon import FakeDaemon, sample
 from tests.waiting import LIMIT_S, until
 from ual.errors import DaemonUnreachableError, InvalidArgumentError, UalError
-from ual.shared.callbacks import SLOW_S
+from ual.shared.callbacks import SLOW_CALL_S
 from ual.types import Telemetry
 from ual.v1 import ual_pb2 as pb
 
@@ -129,10 +129,10 @@ def test_the_stream_is_read_and_others_called_back_however_many_callbacks_do_not
         numbers = itertools.count(2)
         # A sample may find one of them, which keeps it from those behind it until the next one comes.
         for _ in range(3):
-            while not stuck_count.acquire(timeout=2.0 * SLOW_S):
+            while not stuck_count.acquire(timeout=2.0 * SLOW_CALL_S):
                 source.put(sample(next(numbers)))
         for _ in range(30):
-            time.sleep(2.0 * SLOW_S)  # only then does a worker count as delayed
+            time.sleep(2.0 * SLOW_CALL_S)  # only then does a worker count as delayed
             source.put(sample(number := next(numbers)))
         received.wait_for(number)
         may_return.set()

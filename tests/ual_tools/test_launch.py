@@ -482,7 +482,7 @@ def test_a_pipe_that_is_closed_ends_nothing(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_a_log_that_nobody_reads_delays_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ual_tools.launch.log._MOST_WAITING", 10)
+    monkeypatch.setattr("ual_tools.launch.log._MOST_WAITING_LINES", 10)
     monkeypatch.setattr("ual_tools.launch.log._FLUSH_LIMIT_S", 0.01)
     read, write = os.pipe()
     with os.fdopen(write, "w") as full:

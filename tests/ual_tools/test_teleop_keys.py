@@ -57,7 +57,7 @@ def test_a_held_key_never_dips_and_reaches_the_full_deflection(delay: float, per
 @given(delays, periods, st.floats(0.0, 4.0))
 def test_a_released_key_stops_soon(delay: float, period: float, duration: float) -> None:
     presses = held(delay, period, duration)
-    after_s = smoothing.HELD_S if len(presses) > 1 else smoothing.TAP_S
+    after_s = smoothing.HELD_KEY_S if len(presses) > 1 else smoothing.TAP_S
     rest = sampled(presses, presses[-1] + 2.0)
     assert all(value == 0.0 for time_s, value in rest if time_s > presses[-1] + after_s + smoothing.FALL_S + TICK_S)
 

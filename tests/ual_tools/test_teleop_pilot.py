@@ -14,7 +14,7 @@ from ual.types import Battery, Info, Setpoint, State, TaskInfo, TaskKind, TaskSt
 from ual_tools.teleop import board
 from ual_tools.teleop.actions import Action
 from ual_tools.teleop.keyboard import Keyboard
-from ual_tools.teleop.pilot import BRAKE_S, OLD_S, Pilot, StickMode
+from ual_tools.teleop.pilot import BRAKING_TIME_S, TELEMETRY_AGE_LIMIT_S, Pilot, StickMode
 from ual_tools.teleop.sticks import CENTRED, Sticks
 from ual_tools.teleop.vehicle import ScreenMessage, TeleopVehicle
 
@@ -103,7 +103,7 @@ def test_a_release_sends_zero_for_a_moment_and_then_nothing() -> None:
     flight.sent.clear()
     flight.steer(CENTRED, 3.0)
     assert set(flight.twists()) == {Twist()}
-    assert 1 <= len(flight.sent) <= BRAKE_S / PERIOD_S + 1
+    assert 1 <= len(flight.sent) <= BRAKING_TIME_S / PERIOD_S + 1
 
 
 def test_headless_is_along_east_and_north() -> None:
@@ -174,7 +174,7 @@ def test_before_the_first_telemetry_the_sticks_do_nothing() -> None:
 def test_old_telemetry_releases_the_sticks() -> None:
     flight = Flight()
     flight.steer(FORWARD, 1.0)
-    flight.steer(FORWARD, OLD_S + 2 * PERIOD_S, is_fresh=False)
+    flight.steer(FORWARD, TELEMETRY_AGE_LIMIT_S + 2 * PERIOD_S, is_fresh=False)
     assert flight.twists()[-1] == Twist()
     assert "no telemetry" in flight.pilot.view().refusal.text
     flight.sent.clear()

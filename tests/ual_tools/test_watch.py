@@ -252,7 +252,7 @@ def test_daemons_appear_and_vanish(start_daemon: StartDaemon, monkeypatch: pytes
     assert said[-1] == "ual: uav_2: its daemon has ended"
     board.put("uav_2", FLYING)  # its last sample comes late
     assert board.watched_uavs()["uav_2"].gone_s is not None
-    monkeypatch.setattr(watch_board, "GONE_S", 0.0)
+    monkeypatch.setattr(watch_board, "GONE_UAV_S", 0.0)
     assert list(board.watched_uavs()) == ["uav_10"]
     start_daemon(ns="uav_2").wait_for("listening")
     roster.update()

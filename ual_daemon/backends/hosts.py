@@ -10,7 +10,7 @@ from typing import cast
 
 Address = tuple[str, int] | tuple[str, int, int, int]
 
-_PATIENCE_S = 0.02
+_LOOKUP_TIMEOUT_S = 0.02
 """Enough for numeric addresses, and for names that this computer resolves by itself."""
 
 
@@ -38,7 +38,7 @@ class Host:
         if self._found is None:
             self._found = Future()
             threading.Thread(target=self._resolve, args=(self._found,), name="host name", daemon=True).start()
-        done, _ = concurrent.futures.wait([self._found], timeout=_PATIENCE_S)
+        done, _ = concurrent.futures.wait([self._found], timeout=_LOOKUP_TIMEOUT_S)
         if not done:  # a timeout error would be ambiguous: a name service that times out raises the same
             raise self._error(f"looking for the host {self._name}")
         found, self._found = self._found, None

@@ -12,7 +12,7 @@ from ual_daemon.backends.values import Setpoint
 
 _log = logging.getLogger(__name__)
 
-LONGEST_S = 0.5
+LONGEST_SEND_S = 0.5
 """Seconds after which a setpoint that has not left is dropped."""
 
 
@@ -32,7 +32,7 @@ class SetpointMailbox:
     """
 
     def __init__(
-        self, send: Callable[[Setpoint], None], clock: Clock, thread_name: str, longest_s: float = LONGEST_S
+        self, send: Callable[[Setpoint], None], clock: Clock, thread_name: str, longest_s: float = LONGEST_SEND_S
     ) -> None:
         """`send` sends one setpoint, and may block and raise: it is logged, and the next one is tried all the same."""
         self._send = send

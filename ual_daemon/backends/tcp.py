@@ -6,7 +6,7 @@ import contextlib
 import socket
 import struct
 
-STALLED_S = 0.5
+STALLED_CONNECTION_S = 0.5
 """Seconds without an acknowledgement of repeated data after which the system ends a connection (Linux): about 0.7 s
 after the last sign of life. A command that it holds would else be executed when the network is there again, however
 late. It takes TCP itself longer to recover from such an outage than to connect again.
@@ -20,7 +20,7 @@ def prepare(sock: socket.socket) -> None:
     """Has a socket send each message at once, and give up what the other computer does not acknowledge."""
     sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     if _USER_TIMEOUT is not None:
-        sock.setsockopt(socket.IPPROTO_TCP, _USER_TIMEOUT, round(STALLED_S * 1000.0))
+        sock.setsockopt(socket.IPPROTO_TCP, _USER_TIMEOUT, round(STALLED_CONNECTION_S * 1000.0))
 
 
 def discard(sock: socket.socket) -> None:

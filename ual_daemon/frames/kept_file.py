@@ -84,7 +84,7 @@ class KeptFile:
         assert self._wanted is not None
         before = self._failure
         try:
-            whole_file.replace(self.path, self._wanted, whole_file.READABLE, is_durable=self._is_durable)
+            whole_file.replace(self.path, self._wanted, whole_file.READABLE_PERMISSIONS, is_durable=self._is_durable)
         except OSError as error:
             self._failure = _why(error)
             if not before:

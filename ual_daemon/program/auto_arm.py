@@ -14,8 +14,8 @@ from ual_daemon.server.telemetry_stream import Updates
 
 _log = logging.getLogger(__name__)
 
-_READY_S = 1.0
-_PERIOD_S = 0.1
+_READY_TIME_S = 1.0
+_CHECK_PERIOD_S = 0.1
 
 
 async def auto_arm(pilot: SafetyPilot, clock: Clock, updates: Updates, why_not: Callable[[], str] = str) -> None:
@@ -43,7 +43,7 @@ async def auto_arm(pilot: SafetyPilot, clock: Clock, updates: Updates, why_not: 
             refused = why
         may_arm = may_arm and not why
         since_s = (now_s if since_s is None else since_s) if may_arm else None
-        if since_s is not None and now_s - since_s >= _READY_S:
+        if since_s is not None and now_s - since_s >= _READY_TIME_S:
             since_s = None
             try:
                 await asyncio.to_thread(pilot.arm)
@@ -54,4 +54,4 @@ async def auto_arm(pilot: SafetyPilot, clock: Clock, updates: Updates, why_not: 
             else:
                 refused = ""
         # A simulation's clock may run at any speed, stand still or be stepped: so it has to be polled.
-        await updates.change(_PERIOD_S)
+        await updates.change(_CHECK_PERIOD_S)

@@ -46,7 +46,7 @@ if TYPE_CHECKING:
 _log = logging.getLogger(__name__)
 
 _SAFE_EXIT_LIMIT_S = 60.0
-_CLOSE_LIMIT_S = 10.0
+_CLOSE_TIMEOUT_S = 10.0
 """For all that is left once the UAVs are safe."""
 _FIRST_REMINDER_S, _REMINDER_PERIOD_S = 1.0, 5.0
 _GATHER_S = 0.005
@@ -189,7 +189,7 @@ class Daemon:
         finally:
             trimming.cancel()
             upkeep.close()
-            limit = ending.within(_SAFE_EXIT_LIMIT_S + _CLOSE_LIMIT_S)
+            limit = ending.within(_SAFE_EXIT_LIMIT_S + _CLOSE_TIMEOUT_S)
             are_safe = all(await asyncio.gather(*(each.end() for each in served)))
             if self._network is not None:  # they were there until they were safe
                 await aside(self._network.close)

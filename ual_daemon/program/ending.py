@@ -11,13 +11,13 @@ from ual_daemon import logs
 
 _log = logging.getLogger(__name__)
 
-_NOT_IN_TIME = 3
+_NOT_IN_TIME_STATUS = 3
 
 
 def _exit() -> None:
     for handler in logging.getLogger().handlers:
         handler.close()
-    os._exit(_NOT_IN_TIME)
+    os._exit(_NOT_IN_TIME_STATUS)
 
 
 def within(limit_s: float, exit_: Callable[[], None] = _exit) -> threading.Timer:

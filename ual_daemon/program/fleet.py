@@ -14,15 +14,15 @@ from ual.geometry import Vector3
 from ual_daemon.program.configuration import DaemonSettings
 from ual_daemon.settings import LONGEST_NAMESPACE_CHARACTERS, ConfigError, VehicleSettings
 
-UAVS_IN_ROW = 10
+UAVS_PER_ROW = 10
 """UAVs in a row, from west to east. The next row is to the north."""
 
-_FILES_EACH = 2
+_FILES_PER_UAV = 2
 """File descriptors of a UAV without callers and with one address: its lock and the address. One more for each further
 address.
 """
-_FILES_OF_PROCESS = 64
-_FILES_FOR_CALLERS = 4
+_FILES_PER_PROCESS = 64
+_CALLERS_FILES_PER_UAV = 4
 
 
 def names(first: str, count: int) -> list[str]:
@@ -62,11 +62,11 @@ def urls(count: int | None, given: Sequence[str], key: Callable[[str], str] = st
 
 
 def grid_positions(urls: Sequence[str | None], spacing_m: float) -> list[Vector3]:
-    """Returns where simulated UAVs stand, relative to the first one: in rows of `UAVS_IN_ROW`, so that a UAV's position
-    does not depend on how many there are. Vehicles with a URL stand where they stand: all get the same place.
+    """Returns where simulated UAVs stand, relative to the first one: in rows of `UAVS_PER_ROW`, so that a UAV's
+    position does not depend on how many there are. Vehicles with a URL stand where they stand: all get the same place.
     """
     return [
-        Vector3(i % UAVS_IN_ROW * spacing_m, i // UAVS_IN_ROW * spacing_m, 0.0) if url is None else Vector3()
+        Vector3(i % UAVS_PER_ROW * spacing_m, i // UAVS_PER_ROW * spacing_m, 0.0) if url is None else Vector3()
         for i, url in enumerate(urls)
     ]
 
@@ -132,7 +132,7 @@ def allow_files(count: int, listening: int) -> None:
     Raises:
         ConfigError: The system does not permit so many.
     """
-    least = _FILES_OF_PROCESS + count * (_FILES_EACH + listening - 1)
+    least = _FILES_PER_PROCESS + count * (_FILES_PER_UAV + listening - 1)
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     if hard != resource.RLIM_INFINITY and hard < least:
         raise ConfigError(
@@ -140,7 +140,7 @@ def allow_files(count: int, listening: int) -> None:
             "(ulimit -Hn, LimitNOFILE= of systemd)",
             "fleet",
         )
-    wanted = least + count * _FILES_FOR_CALLERS
+    wanted = least + count * _CALLERS_FILES_PER_UAV
     if hard != resource.RLIM_INFINITY:
         wanted = min(wanted, hard)
     if soft != resource.RLIM_INFINITY and soft < wanted:

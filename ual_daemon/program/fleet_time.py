@@ -17,7 +17,7 @@ from ual.interface import Simulation
 
 ASK, MAKE, MADE = "ask", "make", "made"
 """A worker requests a change; all workers make it; it is made."""
-_LOOK_S = 1.0
+_END_CHECK_S = 1.0
 """Seconds between two looks of a waiting worker whether the fleet ends."""
 
 Tell = Callable[..., None]
@@ -54,7 +54,7 @@ class FleetTime:
         self._tell(ASK, number, kind, value)
         while True:
             try:
-                return asked.result(_LOOK_S)
+                return asked.result(_END_CHECK_S)
             except TimeoutError:
                 if self._is_over():
                     raise WrongStateError("this fleet ends: the change of its time is not confirmed") from None

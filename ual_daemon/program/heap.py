@@ -6,7 +6,7 @@ import asyncio
 import ctypes
 
 _TRIM_THRESHOLD, _MMAP_THRESHOLD, _ARENA_MAX = -1, -3, -8
-_LARGE_BYTES = 128 << 10
+_LARGE_BLOCK_BYTES = 128 << 10
 _ARENAS_COUNT = 1
 _TRIM_PERIOD_S = 60.0
 
@@ -25,8 +25,8 @@ def limit() -> None:
         return
     for parameter, value in (
         (_ARENA_MAX, _ARENAS_COUNT),
-        (_MMAP_THRESHOLD, _LARGE_BYTES),
-        (_TRIM_THRESHOLD, _LARGE_BYTES),
+        (_MMAP_THRESHOLD, _LARGE_BLOCK_BYTES),
+        (_TRIM_THRESHOLD, _LARGE_BLOCK_BYTES),
     ):
         mallopt(parameter, value)
 

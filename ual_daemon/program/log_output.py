@@ -21,13 +21,13 @@ from typing import Literal, TextIO
 from typing_extensions import override
 
 from ual_daemon import logs
-from ual_daemon.program.log_repeats import PERIOD_S, Repeats
+from ual_daemon.program.log_repeats import REPEAT_PERIOD_S, Repeats
 
 Format = Literal["text", "json"]
 
 _VERBOSE_LIBRARIES = ("asyncio", "grpc")
 """Their debug and info messages are left out, because they would hide the daemon's."""
-_QUEUE_SIZE = 10_000
+_MOST_QUEUED_MESSAGES = 10_000
 _FLUSH_LIMIT_S = 1.0
 _RETRY_S = 0.1
 """The pause after a line that could not be written."""
@@ -91,7 +91,7 @@ class BackgroundHandler(logging.Handler):
     def __init__(
         self,
         stream: TextIO,
-        queue_size: int = _QUEUE_SIZE,
+        queue_size: int = _MOST_QUEUED_MESSAGES,
         clock: Callable[[], float] = time.monotonic,
         end: str = "\n",
     ) -> None:
@@ -167,7 +167,7 @@ class BackgroundHandler(logging.Handler):
         """Returns the next line; None at the end. Meanwhile puts the numbers of repeated lines when they are due."""
         while True:
             try:
-                return self._lines.get(timeout=PERIOD_S)
+                return self._lines.get(timeout=REPEAT_PERIOD_S)
             except queue.Empty:
                 self.acquire()
                 try:

@@ -10,7 +10,7 @@ import logging
 from collections.abc import Callable, Hashable, Iterator
 from dataclasses import dataclass
 
-PERIOD_S = 10.0
+REPEAT_PERIOD_S = 10.0
 _MOST_KINDS = 100
 """Most different lines that are remembered; further ones are written as they come."""
 _COUNTED_EVENTS = ("refused", "call_failed", "caller_gone", "autopilot_rebooted", "external_pose_dropped")
@@ -27,7 +27,7 @@ class _Kind:
 
 
 class Repeats:
-    """The lines of the last `PERIOD_S`. Not thread-safe: a handler calls it while it holds its lock."""
+    """The lines of the last `REPEAT_PERIOD_S`. Not thread-safe: a handler calls it while it holds its lock."""
 
     def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
@@ -48,7 +48,7 @@ class Repeats:
 
     def due(self, *, is_end: bool = False) -> Iterator[logging.LogRecord]:
         """Returns the records of how often lines were repeated whose time is over; at the end, of all."""
-        over_s = self._clock() - PERIOD_S
+        over_s = self._clock() - REPEAT_PERIOD_S
         for key, kind in list(self._kinds.items()):
             if is_end or kind.since_s <= over_s:
                 del self._kinds[key]

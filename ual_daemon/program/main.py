@@ -57,9 +57,9 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 
-_CANNOT_START = 1
-_WRONG_USAGE = 2
-_LEFT_IN_MOTION = 3
+_CANNOT_START_STATUS = 1
+_WRONG_USAGE_STATUS = 2
+_LEFT_IN_MOTION_STATUS = 3
 _SWITCH_S = 0.0005
 """Seconds after which a thread that computes (a plan) yields to one that flies or serves. With Python's default, 5 ms,
 a thread that waits for messages would wait as long at each step, several times for each message.
@@ -107,7 +107,7 @@ def _printing() -> Iterator[None]:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python flushes into it at its end
         if error.errno == errno.EPIPE:
             sys.exit(0)
-        _fail(f"the output cannot be printed: {error.strerror}", _CANNOT_START)
+        _fail(f"the output cannot be printed: {error.strerror}", _CANNOT_START_STATUS)
 
 
 @click.command(
@@ -222,10 +222,10 @@ def main(
     gc.disable()  # saves 10 ms of the start, which makes no garbage; `Daemon.run` enables it
     try:
         if mistake := environment.mistake_in(os.environ):
-            _fail(mistake, _WRONG_USAGE)
+            _fail(mistake, _WRONG_USAGE_STATUS)
         _run(_sources(context, config_file, assignments, flags), print_config=print_config)
     except (ConfigurationError, ConfigError) as error:
-        _fail(str(error), _WRONG_USAGE)
+        _fail(str(error), _WRONG_USAGE_STATUS)
     finally:
         gc.enable()
 
@@ -308,13 +308,13 @@ def _spread(configuration: Configuration, sources: Sequence[ValuesSource], parts
     except ConfigError as error:
         raise located(error, sources) from None
     except (AuditError, opening.MetricsError) as error:
-        _fail(str(error), _CANNOT_START)
+        _fail(str(error), _CANNOT_START_STATUS)
     except CannotStartError as error:
         _fail(str(error), error.status)
     try:
         _fly(configuration, sources, worker)
     except (ConfigurationError, ConfigError) as error:
-        worker.fail(str(error), _WRONG_USAGE)
+        worker.fail(str(error), _WRONG_USAGE_STATUS)
 
 
 def _fly(
@@ -491,11 +491,11 @@ def _serve(
             are_safe = outcome(daemon.run())
     except (ListenError, NamespaceError, RecordingError, AuditError, opening.MetricsError) as error:
         if worker is not None:
-            worker.fail(str(error), _CANNOT_START)
-        _fail(str(error), _CANNOT_START)
+            worker.fail(str(error), _CANNOT_START_STATUS)
+        _fail(str(error), _CANNOT_START_STATUS)
     gc.freeze()  # the interpreter's end looks for garbage: seconds, after a large fleet
     if not are_safe:
-        sys.exit(_LEFT_IN_MOTION)
+        sys.exit(_LEFT_IN_MOTION_STATUS)
 
 
 class RecordingError(Exception):

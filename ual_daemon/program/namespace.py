@@ -32,8 +32,8 @@ from ual_daemon import logs
 
 _log = logging.getLogger(__name__)
 
-_STICKY_FOR_ALL = 0o1777
-_READABLE = 0o644
+_LOCK_DIRECTORY_PERMISSIONS = 0o1777
+_LOCK_PERMISSIONS = 0o644
 _RETRY_S = 0.005
 _RETRY_LIMIT_S = 1.0
 """Seconds for which to try to take a lock that clients may hold for a moment. Blocking `flock` has no time limit, and a
@@ -182,7 +182,7 @@ def _make_directory(directory: Path) -> None:
     directory.parent.mkdir(parents=True, exist_ok=True)
     with suppress(FileExistsError):
         directory.mkdir()
-        directory.chmod(_STICKY_FOR_ALL)  # the umask limits the mode that mkdir gives
+        directory.chmod(_LOCK_DIRECTORY_PERMISSIONS)  # the umask limits the mode that mkdir gives
     found = directory.lstat()
     if not stat.S_ISDIR(found.st_mode):
         raise NamespaceError(f"{directory} is not a directory: remove it, or set {discovery.RUNTIME_DIR_VARIABLE}")
@@ -205,7 +205,7 @@ def _open_lock(path: Path) -> int:
             # With O_EXCL, because Linux refuses O_CREAT alone for another user's file in a shared directory.
             with suppress(FileExistsError):
                 lock = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | flags)
-                os.fchmod(lock, _READABLE)
+                os.fchmod(lock, _LOCK_PERMISSIONS)
                 return lock
 
 

@@ -36,11 +36,11 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 
-_END_LIMIT_S = 75.0
+_WORKER_END_S = 75.0
 """Longer than the workers need, which end within 70 s."""
 _LABELS = {"process": "supervisor"}
-_CANNOT_START = 1
-_LEFT_IN_MOTION = 3
+_CANNOT_START_STATUS = 1
+_LEFT_IN_MOTION_STATUS = 3
 
 
 class CannotStartError(Exception):
@@ -189,7 +189,7 @@ class FleetSupervisor:
             if each.failure is not None and not self._is_serving:
                 raise each.failure
         if any(each.status for each in self._processes):
-            return _LEFT_IN_MOTION if self._is_serving else _CANNOT_START
+            return _LEFT_IN_MOTION_STATUS if self._is_serving else _CANNOT_START_STATUS
         logs.event(_log, logging.INFO, "ended")
         return 0
 
@@ -307,7 +307,7 @@ class FleetSupervisor:
             self._is_ending = True
             for each in self._processes:
                 each.tell(END)
-            asyncio.get_running_loop().call_later(_END_LIMIT_S, self._kill)
+            asyncio.get_running_loop().call_later(_WORKER_END_S, self._kill)
 
     def _kill(self) -> None:
         for each in self._processes:

@@ -9,8 +9,8 @@ from functools import partial
 
 from ual.shared.guard import WorkGuard
 
-PERIOD_S = 1.0
-_CLOSE_LIMIT_S = 1.0
+UPKEEP_PERIOD_S = 1.0
+_CLOSE_TIMEOUT_S = 1.0
 """A disk that does not answer must not delay the end."""
 
 
@@ -31,10 +31,10 @@ class Upkeep:
         """Ends it."""
         self._closing.set()
         if self._thread.ident is not None:
-            self._thread.join(_CLOSE_LIMIT_S)
+            self._thread.join(_CLOSE_TIMEOUT_S)
 
     def _run(self) -> None:
-        while not self._closing.wait(PERIOD_S):
+        while not self._closing.wait(UPKEEP_PERIOD_S):
             now_s = time.monotonic()
             for work in self._works:
                 self._guard.contain(partial(work, now_s))

@@ -23,13 +23,13 @@ _log = logging.getLogger(__name__)
 
 _UPDATE_S = 0.05
 """The longest interval between two updates, where the recording does not say when they were."""
-_GAP_S = 30.0
+_REPLAY_PAUSE_S = 30.0
 """Seconds between the end and the next beginning of a recording that is played again. No value stays fresh for so long,
 so nothing of the end is taken for the beginning.
 """
-_SHORTEST_WAIT_S = 0.001
+_SHORTEST_SLEEP_S = 0.001
 """Shorter waits are left out; longer ones make up for them."""
-_ENDED_S = 0.1
+_ENDED_TICK_S = 0.1
 ENDED = "the recording has ended"
 
 
@@ -109,7 +109,7 @@ class Player:
                 begin_wall_s = time.monotonic() if begin_wall_s is None else begin_wall_s
                 due_s = begin_wall_s + (event.time_s - self._begin_s) / self._speed_factor
                 wait_s = due_s - time.monotonic()
-                if wait_s > _SHORTEST_WAIT_S:
+                if wait_s > _SHORTEST_SLEEP_S:
                     self._closing.wait(wait_s)
             if self._closing.is_set():
                 return
@@ -157,7 +157,7 @@ class Player:
         self._on_update(moment)
 
     def _begin_again(self) -> None:
-        self._offset_s = self.clock.time_s + _GAP_S
+        self._offset_s = self.clock.time_s + _REPLAY_PAUSE_S
         self.clock.time_s = self._offset_s
         if self._new_playback is not None:
             self.playback = self._new_playback()
@@ -169,7 +169,7 @@ class Player:
         """Reports until it is closed that nothing is received any more."""
         if not self._closing.is_set():
             logs.event(_log, logging.INFO, "replay_ended", after_s=round(self.clock.time_s, 1))
-        while not self._closing.wait(_ENDED_S):
-            self.clock.time_s += _ENDED_S
+        while not self._closing.wait(_ENDED_TICK_S):
+            self.clock.time_s += _ENDED_TICK_S
             last = self.moment.snapshot.at(self.clock.time_s)
             self._publish(ReplayMoment(last._replace(condition=last.condition._replace(status_text=ENDED))))

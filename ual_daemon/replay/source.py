@@ -18,7 +18,7 @@ _FRAMES = "frames"
 _PACKETS = "raw/received"
 _SAMPLES = "telemetry"
 _SETPOINTS = "setpoints"
-_LOOK_NS = 10_000_000_000
+_SEARCHED_TIME_NS = 10_000_000_000
 """Nanoseconds at a recording's begin that show which data it has."""
 
 
@@ -86,7 +86,7 @@ def _beginning(path: Path) -> Iterator[Message]:
     first_ns: int | None = None
     for message in Recording(path).messages():
         first_ns = message.log_ns if first_ns is None else first_ns
-        if message.log_ns - first_ns > _LOOK_NS:
+        if message.log_ns - first_ns > _SEARCHED_TIME_NS:
             return
         yield message
 

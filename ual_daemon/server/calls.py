@@ -33,12 +33,12 @@ from ual_daemon.server.standstill import BEAT_S, Standstill
 from ual_daemon.server.transport.base import ServedCall
 
 NAMESPACE_KEY = "ual-ns"
-MOST_OF_ONE_METHOD = 100
+MOST_CALLS_PER_METHOD = 100
 """Calls and streams of one method that run for one UAV and one caller (by the name of its token or certificate). For
 each method by itself: a hundred readers of the telemetry must not keep out the caller that lands the UAV.
 """
 
-MOST_WITHOUT_REQUEST = 100
+MOST_CALLS_WITHOUT_REQUEST = 100
 """Calls for one UAV whose request has not come yet. Beyond that the oldest is ended, not the newest refused: a client
 that sends both together, as each does, must get in.
 """
@@ -215,7 +215,7 @@ class Calls:
 
     def _end_without_request(self, answer: CallAnswer, why: str) -> None:
         self.has_request(answer)
-        error = ResourceExhaustedError(f"{answer.method_name}: {why}", {"limit": str(MOST_WITHOUT_REQUEST)})
+        error = ResourceExhaustedError(f"{answer.method_name}: {why}", {"limit": str(MOST_CALLS_WITHOUT_REQUEST)})
         self._refused_without_request = self._refused_without_request or (answer.method_name, error)
         self._refused_count += 1
         answer.fail(error)
@@ -253,15 +253,15 @@ class Calls:
         oldest = None
         with self._lock:
             self._without_request[answer] = self._loop.time()
-            if len(self._without_request) > MOST_WITHOUT_REQUEST:
+            if len(self._without_request) > MOST_CALLS_WITHOUT_REQUEST:
                 oldest = self._oldest_without_request(answer.caller)
         if oldest is not None:
-            self._end_without_request(oldest, f"{MOST_WITHOUT_REQUEST} later calls wait for their request, too")
+            self._end_without_request(oldest, f"{MOST_CALLS_WITHOUT_REQUEST} later calls wait for their request, too")
 
     def _oldest_without_request(self, who: Caller) -> CallAnswer | None:
         """Returns the oldest call of a caller whose request has not come, if too many are this caller's."""
         of_caller = [answer for answer in self._without_request if answer.caller.name == who.name]
-        return of_caller[0] if len(of_caller) > MOST_WITHOUT_REQUEST else None
+        return of_caller[0] if len(of_caller) > MOST_CALLS_WITHOUT_REQUEST else None
 
     def has_request(self, answer: CallAnswer) -> None:
         """Removes an answer whose request has come, or will not come any more."""
@@ -274,13 +274,13 @@ class Calls:
             ResourceExhaustedError: They are.
 
         """
-        if self._running.get((method, who.name), 0) < MOST_OF_ONE_METHOD:
+        if self._running.get((method, who.name), 0) < MOST_CALLS_PER_METHOD:
             return
         of_caller = f" of {who.name}" if who.is_named else ""
         error = ResourceExhaustedError(
-            f"{MOST_OF_ONE_METHOD} calls of {method}{of_caller} are under way for {self._ns}, which is the limit: end "
-            "one of them",
-            {"limit": str(MOST_OF_ONE_METHOD)},
+            f"{MOST_CALLS_PER_METHOD} calls of {method}{of_caller} are under way for {self._ns}, which is the limit: "
+            "end one of them",
+            {"limit": str(MOST_CALLS_PER_METHOD)},
         )
         logs.refused(_log, method, error)
         raise error

@@ -30,7 +30,7 @@ from ual_daemon import logs
 from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.server.access.caller import Caller
 from ual_daemon.server.door import paths_to_times, require_times
-from ual_daemon.server.headroom import SMALL_BYTES, Headroom
+from ual_daemon.server.headroom import SMALL_REQUEST_BYTES, Headroom
 from ual_daemon.server.motion_gate import FLIES, MotionGate
 from ual_daemon.server.standstill import MOVES, Standstill
 from ual_daemon.server.transport.base import ServedCall
@@ -180,7 +180,7 @@ class CallAnswer:
             self._standstill.require_running(self.method_name)
         if self._motion_gate is not None:
             self._motion_gate.require_open(self.method_name)
-        if len(message) > SMALL_BYTES:
+        if len(message) > SMALL_REQUEST_BYTES:
             self._calls.headroom.require_room_to_work(self.method_name, len(message))
         try:
             request = self._method.decode(message)

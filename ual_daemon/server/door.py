@@ -16,7 +16,7 @@ from google.protobuf.message import Message
 from ual.errors import InvalidArgumentError
 
 _YEAR_1_S, _YEAR_9999_S = -62_135_596_800, 253_402_300_799
-_LONGEST_DURATION_S = 315_576_000_000
+_LONGEST_PROTO_DURATION_S = 315_576_000_000
 _NANOS_PER_S = 1_000_000_000
 _TIMESTAMP, _DURATION = "google.protobuf.Timestamp", "google.protobuf.Duration"
 
@@ -88,7 +88,7 @@ def _require_one(value: Any, kind: Descriptor, field: str) -> None:  # noqa: ANN
             raise _refusal(value, field, f"seconds {_YEAR_1_S} to {_YEAR_9999_S}, nanos 0 to 999999999")
     elif kind.full_name == _DURATION:
         has_one_sign = value.seconds * value.nanos >= 0
-        if not (has_one_sign and abs(value.seconds) <= _LONGEST_DURATION_S and abs(value.nanos) < _NANOS_PER_S):
+        if not (has_one_sign and abs(value.seconds) <= _LONGEST_PROTO_DURATION_S and abs(value.nanos) < _NANOS_PER_S):
             raise _refusal(value, field, "seconds of at most 10000 years, nanos of the same sign below 1 s")
     else:
         _require(value, _parts(kind), field + ".")

@@ -28,7 +28,7 @@ MOST_REQUEST_BYTES: Final = 4 << 20
 """The longest path that makes sense has some ten thousand waypoints: 1 MB."""
 RESERVE_BYTES: Final = 12 << 20
 """Bytes that stay free for the flight and for the connections: 200 of them take 8 MB."""
-SMALL_BYTES: Final = 64 << 10
+SMALL_REQUEST_BYTES: Final = 64 << 10
 """Requests up to this size need no memory that counts."""
 WORK_FACTOR: Final = 40
 """Memory of a request's values and its plan by its size: 26 MB of memory, 35 MB of addresses for 9,900 waypoints."""
@@ -36,7 +36,7 @@ WORK_FACTOR: Final = 40
 FLIES_ON: Final = frozenset(each.path for each in METHODS.values() if each.flies_on)
 """The methods that are accepted however little memory is left."""
 
-_LOOK_S = 0.1
+_MEMORY_CHECK_S = 0.1
 _PROMISE_S = 5.0
 """Seconds within which the work on a request takes the memory that was promised to it."""
 _CGROUPS = Path("/sys/fs/cgroup")
@@ -78,13 +78,13 @@ class Headroom:
 
         """
         now_s = self._clock()
-        if now_s - self._looked_s >= _LOOK_S:
+        if now_s - self._looked_s >= _MEMORY_CHECK_S:
             self._looked_s = now_s
             self._seen_bytes = self._free_bytes()
         self._require(method, self._seen_bytes, (self._unread_count() + 1) * MOST_REQUEST_BYTES)
 
     def require_room_to_work(self, method: str, size_bytes: int) -> None:
-        """Requires room for what a request of this size, above `SMALL_BYTES`, needs once it is read.
+        """Requires room for what a request of this size, above `SMALL_REQUEST_BYTES`, needs once it is read.
 
         Raises:
             ResourceExhaustedError: There is none.

@@ -21,17 +21,17 @@ from ual.v1 import ual_pb2 as pb
 from ual.wire import convert, uav
 
 _VARINT, _FIXED64, _DELIMITED = 0, 1, 2
-_MORE = 0x80
-_SMALL = [bytes((value,)) for value in range(_MORE)]
+_CONTINUATION_BIT = 0x80
+_SMALL = [bytes((value,)) for value in range(_CONTINUATION_BIT)]
 
 
 def _varint(value: int) -> bytes:
     """Returns an unsigned number: 7 bits in each byte, the lowest first; all but the last are marked."""
-    if value < _MORE:
+    if value < _CONTINUATION_BIT:
         return _SMALL[value]
     found = bytearray()
-    while value >= _MORE:
-        found.append(value & (_MORE - 1) | _MORE)
+    while value >= _CONTINUATION_BIT:
+        found.append(value & (_CONTINUATION_BIT - 1) | _CONTINUATION_BIT)
         value >>= 7
     found.append(value)
     return bytes(found)

@@ -19,7 +19,7 @@ T = TypeVar("T")
 
 _ACTIONS_AT_ONCE = 2
 _SLICE_S = 1.0
-_LONGEST_STEP_S = 3600.0
+_LONGEST_COMMANDED_STEP_S = 3600.0
 
 
 class SimulatedTime(Protocol):
@@ -73,7 +73,7 @@ class SimulationServicerBase(simulation_pb2_grpc.SimulationServiceServicer):
         # A thread cannot be interrupted: slices let a step end with its caller, or with the daemon. A duration that is
         # not allowed is passed on as it is, to be refused.
         left_s = request.duration_s
-        while 2.0 * _SLICE_S < left_s <= _LONGEST_STEP_S:
+        while 2.0 * _SLICE_S < left_s <= _LONGEST_COMMANDED_STEP_S:
             await self._step(self._time.step, _SLICE_S)
             left_s -= _SLICE_S
         await self._step(self._time.step, left_s)

@@ -25,9 +25,9 @@ BEAT_S = 0.5
 STANDSTILL_S = 2.5
 """Seconds without a beat after which the daemon has stood still. A busy computer holds one up for a second, and its
 callers still wait for their answers. After a second what was known of the autopilot is discarded anyway
-(`ual_daemon.backends.engine.limits.PAUSE_S`), so that nothing moves before that is known again.
+(`ual_daemon.backends.engine.limits.READER_PAUSE_S`), so that nothing moves before that is known again.
 """
-MOST_QUEUED_S = 5.0
+LONGEST_QUEUEING_S = 5.0
 """Longest time in seconds after a standstill for which moving requests are refused. Messages may be read as long after
 it as it lasted, as TCP doubles the time until it sends again. What moves is refused for that time, and no longer than
 this.
@@ -75,7 +75,7 @@ class Standstill:
         raise error
 
     def _note(self, now_s: float, stood_s: float) -> None:
-        until_s = min(stood_s, MOST_QUEUED_S)
+        until_s = min(stood_s, LONGEST_QUEUEING_S)
         self._stood_s, self._until_s = stood_s, now_s + until_s
         logs.event(
             _log,

@@ -255,4 +255,4 @@ class UalServicer(UalServicerBase):
 
 
 def _rate_hz(rate_hz: float) -> float:
-    return validation.not_negative(rate_hz, "rate_hz", at_most=validation.MAX_RATE_HZ)
+    return validation.not_negative(rate_hz, "rate_hz", at_most=validation.MAX_STREAM_RATE_HZ)

@@ -36,12 +36,12 @@ from ual_daemon.flight.refusals import only_watching
 from ual_daemon.services.answers import in_thread
 from ual_daemon.services.vehicle import LocatedVehicle, driver_of
 
-LONGEST_INTERVAL_S = 3600.0
+LONGEST_PHOTO_INTERVAL_S = 3600.0
 LONGEST_DISTANCE_M = 10_000.0
-LEAST_INTERVAL_S = 0.05
+SHORTEST_PHOTO_INTERVAL_S = 0.05
 LEAST_DISTANCE_M = 0.1
-MOST_COUNT = 1_000_000
-OLDEST_S = 60.0
+MOST_PHOTOS = 1_000_000
+OLDEST_PICTURE_S = 60.0
 """Of a picture that is shared."""
 
 
@@ -89,9 +89,9 @@ class VehicleCameras:
         """See `ual.interface.Camera`."""
         if (interval_s is None) is (distance_m is None):
             raise validation.refuse("interval_s", "give either a time between two pictures, or a distance_m")
-        count = _whole(count, "count", at_most=MOST_COUNT)
+        count = _whole(count, "count", at_most=MOST_PHOTOS)
         if interval_s is not None:
-            interval_s = _within(interval_s, "interval_s", LEAST_INTERVAL_S, LONGEST_INTERVAL_S)
+            interval_s = _within(interval_s, "interval_s", SHORTEST_PHOTO_INTERVAL_S, LONGEST_PHOTO_INTERVAL_S)
             return self._ordered(number, CameraAbility.PHOTO, "take photos").start_interval(interval_s, count)
         if count:
             raise validation.refuse("count", "pictures by distance have no count")
@@ -134,7 +134,7 @@ class VehicleCameras:
         self, number: int, photo: int | None, kind: ImageKind = ImageKind.COLOUR, max_age_s: float = 0.0
     ) -> Future[Image]:
         """See `ual.interface.Camera`. Callers that share a picture get the same object."""
-        max_age_s = _within(max_age_s, "max_age_s", 0.0, OLDEST_S)
+        max_age_s = _within(max_age_s, "max_age_s", 0.0, OLDEST_PICTURE_S)
         if photo is not None:
             return self._made(number, _whole(photo, "photo", at_most=2**32 - 1), kind)
         return self._recent(number, kind, max_age_s) if max_age_s else self._made(number, None, kind)

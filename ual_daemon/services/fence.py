@@ -33,7 +33,7 @@ MOST_CORNERS = 255
 """As ArduPilot has it (MissionItemProtocol_Fence)."""
 MOST_ITEMS = 500
 _LARGEST_RADIUS_M = 1e6
-_HIGHEST_M = 32767
+_HIGHEST_POINT_M = 32767
 """ArduPilot keeps the height of a rally point in 16 bits."""
 _UPLOAD, _CLEAR, _SWITCH = "upload a fence", "clear the fence", "enable or disable the fence"
 _DISARM = "disarm first"
@@ -314,7 +314,7 @@ def _check_rally(point: RallyPoint, field: str) -> None:
     _check_position(point.latitude_deg, point.longitude_deg, field)
     if point.reference not in (AltitudeReference.HOME, AltitudeReference.AMSL):
         raise validation.refuse(field, "its height is above home or above mean sea level")
-    height_m = validation.number(point.height_m, f"{field}.height_m", at_most=_HIGHEST_M)
+    height_m = validation.number(point.height_m, f"{field}.height_m", at_most=_HIGHEST_POINT_M)
     if not height_m.is_integer():
         raise validation.refuse(field, f"its height is whole metres, as ArduPilot keeps it, not {height_m:g}")
 

@@ -31,10 +31,10 @@ from ual_daemon.vehicle.gimbals import GimbalTarget
 
 LARGEST_ANGLE_RAD = 3.1415926535897932
 LARGEST_YAW_RAD = 2.0 * LARGEST_ANGLE_RAD
-LARGEST_RATE_RAD_S = 10.0
+LARGEST_TURN_RATE_RAD_S = 10.0
 USUAL_RATE_HZ, LEAST_RATE_HZ, HIGHEST_RATE_HZ = 10.0, 0.1, 50.0
 """Rates in Hz at which a gimbal is watched."""
-_TOLERANCE_RAD = 1e-4
+_ANGLE_TOLERANCE_RAD = 1e-4
 """Gimbals say their limits in single precision."""
 _OF_REFERENCE = {
     GimbalReference.BODY: GimbalAbility.BODY,
@@ -96,8 +96,8 @@ class VehicleGimbals:
 
     def set_rates(self, number: int, pitch_rad_s: float, yaw_rad_s: float) -> Future[None]:
         """See `ual.interface.Gimbal`."""
-        pitch_rad_s = validation.angle(pitch_rad_s, "pitch_rad_s", at_most=LARGEST_RATE_RAD_S)
-        yaw_rad_s = validation.angle(yaw_rad_s, "yaw_rad_s", at_most=LARGEST_RATE_RAD_S)
+        pitch_rad_s = validation.angle(pitch_rad_s, "pitch_rad_s", at_most=LARGEST_TURN_RATE_RAD_S)
+        yaw_rad_s = validation.angle(yaw_rad_s, "yaw_rad_s", at_most=LARGEST_TURN_RATE_RAD_S)
         gimbal = self._ordered(number, GimbalAbility.RATES, "turn the gimbal")
         _require_axes(gimbal.info, GimbalAngles(0.0, pitch_rad_s, yaw_rad_s))
         return self._give(gimbal, GimbalActivity.RATES, lambda: gimbal.set_rates(pitch_rad_s, yaw_rad_s))
@@ -225,7 +225,7 @@ def _require_axes(info: GimbalInfo, angles: GimbalAngles) -> None:
 
 
 def _require_angle(info: GimbalInfo, field: str, angle_rad: float, range_: AngleRange | None) -> None:
-    if range_ is not None and abs(range_.nearest(angle_rad) - angle_rad) > _TOLERANCE_RAD:
+    if range_ is not None and abs(range_.nearest(angle_rad) - angle_rad) > _ANGLE_TOLERANCE_RAD:
         limits = f"{range_.least_rad:.3f} to {range_.most_rad:.3f} rad"
         hint = "; positive looks down" if field == "pitch_rad" else ""
         raise InvalidArgumentError(

@@ -18,7 +18,7 @@ from ual_daemon.services.vehicle import ServedVehicle, driver_of
 
 CHUNK_BYTES = 32_768
 """Bytes that are read at a time: over a slow radio in flight that takes half a minute."""
-LONGEST_ID = 200
+LONGEST_ID_CHARACTERS = 200
 
 _log = logging.getLogger(__name__)
 
@@ -39,7 +39,7 @@ class VehicleLogs:
         """See `ual.interface.Logs`."""
         offer = self._offer()
         validation.require_type(log_id, str, "log_id")
-        if not log_id or len(log_id) > LONGEST_ID:
+        if not log_id or len(log_id) > LONGEST_ID_CHARACTERS:
             raise validation.refuse("log_id", f"{log_id!r:.80} is no log")
         if offset < 0:
             raise validation.refuse("offset", f"{offset} is negative")

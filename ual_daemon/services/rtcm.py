@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-_START = 0xD3
+_FRAME_START_BYTE = 0xD3
 _HEAD_BYTES = _CRC_BYTES = 3
 LEAST_CONTENT_BYTES = 2
 """The number of a message has 12 bits. What is shorter is a filler, and is skipped."""
 LONGEST_CONTENT_BYTES = 1023
 MOST_FALSE_STARTS = 64
 """With more starts of frames that prove wrong in one piece, all of it is taken for garbage: each check costs time."""
-_POLYNOMIAL = 0x1864CFB
+_CRC_POLYNOMIAL = 0x1864CFB
 
 
 def _of_byte(byte: int) -> int:
@@ -17,7 +17,7 @@ def _of_byte(byte: int) -> int:
     for _ in range(8):
         crc <<= 1
         if crc & 0x1000000:
-            crc ^= _POLYNOMIAL
+            crc ^= _CRC_POLYNOMIAL
     return crc
 
 
@@ -62,7 +62,7 @@ class RtcmFramer:
 
     def _seek(self) -> bool:
         """Skips to the next byte with which a frame may begin. Returns whether there is one."""
-        start = self._rest.find(_START)
+        start = self._rest.find(_FRAME_START_BYTE)
         self._skip(start if start >= 0 else len(self._rest))
         return start >= 0
 

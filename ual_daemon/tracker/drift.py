@@ -26,7 +26,7 @@ from ual_daemon.tracker.velocity_end_point import ExpectedMotion, MotionEstimate
 from ual_daemon.tracker.velocity_error import VelocityError
 from ual_daemon.trajectory import Motion
 
-_LONGEST_STEP_S = 0.2
+_LONGEST_UPDATE_STEP_S = 0.2
 """After a longer pause, the time in between does not count. Nor is a position extrapolated farther."""
 _YAW_GAIN = 0.8
 """From a heading error to a yaw rate, 1/s."""
@@ -148,7 +148,7 @@ def _position(snapshot: Snapshot) -> Vector3:
 
 
 def _passed_s(since_s: float, now_s: float) -> float:
-    return min(max(0.0, now_s - since_s), _LONGEST_STEP_S)
+    return min(max(0.0, now_s - since_s), _LONGEST_UPDATE_STEP_S)
 
 
 def _level(vector: Vector3) -> Vector3:

@@ -26,7 +26,7 @@ from ual_daemon.trajectory.envelope import speed_share
 _PLAN_PERIOD_S = 0.1
 _FOLLOWED_SHARE = 0.8
 """A goal that moves faster than this share of the limits is followed at this share; the rest is left to catch up."""
-_LEAST_SHARE = 0.02
+_LEAST_LIMIT_SHARE = 0.02
 """The limits relative to a goal are never smaller than this share of the UAV's."""
 _MET_M, _MET_M_S = 0.1, 0.2
 _FREE_LAG_M = 1.0
@@ -194,4 +194,4 @@ def _relative_limits(goal: Motion, limits: Limits) -> Limits:
 
 
 def _left(limit: float, used: float) -> float:
-    return max(_LEAST_SHARE * limit, limit - used)
+    return max(_LEAST_LIMIT_SHARE * limit, limit - used)

@@ -20,18 +20,18 @@ from ual_daemon.settings import ToleranceSettings
 from ual_daemon.tracker.references import LONGEST_STOP_S, Reference, measured_motion, pose_of
 from ual_daemon.trajectory import Motion, Trajectory
 
-LOOK_AHEAD_S = 1.0
+LOOKAHEAD_S = 1.0
 """The look-ahead is as far as the UAV flies in this time at the speed planned there, ..."""
-LEAST_LOOK_AHEAD_M = 0.5
+LEAST_LOOKAHEAD_M = 0.5
 """... but at least this far."""
 LEAST_AT_FENCE_M = 0.3
 """Least metres to the point ahead once the UAV is nearly there, where the straight line ahead is not inside. It must
 not stall at a corner of the fence because its estimate wanders.
 """
-_NEAR_M = 0.15
+_ARRIVAL_DISTANCE_M = 0.15
 _SEARCH_STEP_S = 0.05
 _LONGEST_SEARCH_S = 3.0
-_LONGEST_STEP_S = 0.2
+_LONGEST_UPDATE_STEP_S = 0.2
 
 
 IsFree: TypeAlias = Callable[[Vector3, Vector3, Snapshot], bool]
@@ -58,8 +58,8 @@ class Pursuit(Reference):
         """Whether the point ahead stands still, so that the UAV comes to rest there."""
         self.time_s = 0.0
         self._ahead = trajectory.at(0.0)
-        is_moving = self._ahead.velocity.norm() * LOOK_AHEAD_S > LEAST_LOOK_AHEAD_M
-        self._ahead_s = LOOK_AHEAD_S if is_moving else 0.0  # else it would brake whenever a way is planned again
+        is_moving = self._ahead.velocity.norm() * LOOKAHEAD_S > LEAST_LOOKAHEAD_M
+        self._ahead_s = LOOKAHEAD_S if is_moving else 0.0  # else it would brake whenever a way is planned again
         self._updated_s = now_s
 
     @property
@@ -80,7 +80,7 @@ class Pursuit(Reference):
     @override
     def setpoint(self, snapshot: Snapshot) -> Setpoint:
         measured = measured_motion(snapshot)
-        passed_s = min(max(0.0, snapshot.time_s - self._updated_s), _LONGEST_STEP_S)
+        passed_s = min(max(0.0, snapshot.time_s - self._updated_s), _LONGEST_UPDATE_STEP_S)
         self._updated_s = snapshot.time_s
         self._advance(measured.position)
         if not self.is_stopping:
@@ -96,7 +96,7 @@ class Pursuit(Reference):
         while time_s < min(limit_s, self.time_s + _LONGEST_SEARCH_S):
             time_s = min(limit_s, time_s + _SEARCH_STEP_S)
             distance_m = (self.trajectory.at(time_s).position - position).norm()
-            if distance_m > nearest_m + LEAST_LOOK_AHEAD_M:
+            if distance_m > nearest_m + LEAST_LOOKAHEAD_M:
                 break
             if distance_m <= nearest_m:
                 nearest_m, self.time_s = distance_m, time_s
@@ -129,7 +129,7 @@ class Pursuit(Reference):
         The point ahead moves on no faster than the trajectory, because the UAV flies as fast as that point.
         """
         here = self.trajectory.at(self.time_s)
-        far_m = max(LEAST_LOOK_AHEAD_M, here.velocity.norm() * LOOK_AHEAD_S)
+        far_m = max(LEAST_LOOKAHEAD_M, here.velocity.norm() * LOOKAHEAD_S)
         time_s, ahead = self._point_at(far_m, passed_s)
         if self._is_free is not None and not self._is_free_to(ahead, snapshot):
             time_s, ahead = self._free_point(time_s, passed_s, snapshot)
@@ -152,7 +152,7 @@ class Pursuit(Reference):
         while time_s > self.time_s and not self._is_free_to(ahead, snapshot):
             time_s = max(self.time_s, time_s - _SEARCH_STEP_S)
             ahead = self.trajectory.at(time_s)
-        is_there = (ahead.position - measured_motion(snapshot).position).norm() < _NEAR_M
+        is_there = (ahead.position - measured_motion(snapshot).position).norm() < _ARRIVAL_DISTANCE_M
         return self._point_at(LEAST_AT_FENCE_M, passed_s) if is_there else (time_s, ahead)
 
     def _is_free_to(self, ahead: Motion, snapshot: Snapshot) -> bool:

@@ -23,7 +23,7 @@ VELOCITY_TIMEOUT_S = 0.5
 _FREE_LAG_M = 0.5
 _FREE_LAG_S = 0.4
 _LONGEST_LAG_M = 1.5
-_LONGEST_STEP_S = 0.2
+_LONGEST_UPDATE_STEP_S = 0.2
 LONGEST_STOP_S = 3.0
 """Seconds for which a reference waits at a stop for a UAV that does not come to rest there (a wandering estimate)."""
 
@@ -164,7 +164,7 @@ class TrajectoryReference(Reference):
 
     @override
     def setpoint(self, snapshot: Snapshot) -> Setpoint:
-        passed_s = min(max(0.0, snapshot.time_s - self._updated_s), _LONGEST_STEP_S)
+        passed_s = min(max(0.0, snapshot.time_s - self._updated_s), _LONGEST_UPDATE_STEP_S)
         self._updated_s = snapshot.time_s
         self._advance(passed_s, snapshot)
         return setpoint_of(self._time.motion)

@@ -27,12 +27,12 @@ from ual_daemon.trajectory.envelope import (
 CHECK_PERIOD_S = 0.02
 """The time between the motions of a change that are checked: as short as the period of the setpoints of most autopilots
 (50 Hz). Over a longer time, only the mean of a jerk that the change adds to and of the jerk after it would show."""
-_MARGIN_RATIO = 1e-3
-_SHORTEST_S = 0.4
-_LONGEST_S = 8.0
+_LIMIT_MARGIN_RATIO = 1e-3
+_SHORTEST_CHANGE_S = 0.4
+_LONGEST_CHANGE_S = 8.0
 _RETRY_S = 0.1
-_SMALL_RATE = 0.1
-_SLOWEST_M_S = 1e-3
+_SCALE_TOLERANCE = 0.1
+_LEAST_SPEED_M_S = 1e-3
 _TRIES = (None, (1.0, 1.0), (1.0, 2.0), (0.5, 1.0), (0.5, 2.0), (0.25, 2.0), (0.1, 2.0))
 """A stop, or the share of the wanted change that is tried, and its duration as a multiple of the shortest possible."""
 
@@ -60,7 +60,7 @@ class _Stop:
     """A stop on the trajectory with the speeds of the fastest one straight ahead, from a time of the trajectory on."""
 
     def __init__(self, trajectory: Trajectory, begin_s: float, now: Motion) -> None:
-        """`now` is the motion that is sent, faster than `_SLOWEST_M_S`."""
+        """`now` is the motion that is sent, faster than `_LEAST_SPEED_M_S`."""
         self._ahead = now.velocity / now.velocity.norm()
         along = self._ahead * now.acceleration.dot(self._ahead)
         self._brake = Brake(Motion(now.position, now.yaw_rad, now.velocity, along), trajectory.limits)
@@ -88,7 +88,7 @@ class _Stop:
     def _found(self, t: float, time_s: float) -> tuple[float, float, float]:
         """Returns the same as `at`, for a time of the trajectory."""
         sent, own = self._brake.at(t), self._trajectory.at(time_s)
-        own_m_s = max(_SLOWEST_M_S, own.velocity.norm())
+        own_m_s = max(_LEAST_SPEED_M_S, own.velocity.norm())
         scale = max(0.0, sent.velocity.dot(self._ahead)) / own_m_s
         own_m_s2 = own.acceleration.dot(own.velocity) / own_m_s
         return time_s, scale, (sent.acceleration.dot(self._ahead) - scale * scale * own_m_s2) / own_m_s
@@ -130,7 +130,7 @@ class TimeScaling:
         )
 
     def _needs_change(self, wanted_scale: float) -> bool:
-        return abs(wanted_scale - self._scale) > (_SMALL_RATE if 0.0 < wanted_scale < 1.0 else 1e-9)
+        return abs(wanted_scale - self._scale) > (_SCALE_TOLERANCE if 0.0 < wanted_scale < 1.0 else 1e-9)
 
     def _pass(self, passed_s: float) -> None:
         while self._change is not None:
@@ -160,11 +160,11 @@ class TimeScaling:
     def _change_of(self, to_try: tuple[float, float] | None, wanted_scale: float) -> _Change | _Stop | None:
         """Returns one of `_TRIES`; None where it is a stop, and none is wanted or possible."""
         if to_try is None:
-            is_moving = self.motion.velocity.norm() > _SLOWEST_M_S
+            is_moving = self.motion.velocity.norm() > _LEAST_SPEED_M_S
             return _Stop(self._trajectory, self.time_s, self.motion) if wanted_scale == 0.0 and is_moving else None
         share, longer = to_try
         by = (wanted_scale - self._scale) * share
-        return _Change(self.time_s, self._scale, by, min(_LONGEST_S, self._shortest_s(by) * longer))
+        return _Change(self.time_s, self._scale, by, min(_LONGEST_CHANGE_S, self._shortest_s(by) * longer))
 
     def _shortest_s(self, by: float) -> float:
         """Returns the shortest duration of a change by `by` that may keep the limits, as far as they depend on it."""
@@ -174,7 +174,7 @@ class TimeScaling:
         yaw_stopping_s = abs(now.yaw_rate_rad_s) / turn_acceleration_limit(limits)
         # From the largest derivative of the cubic, 1.5 by / T, and its second derivative, 6 by / T^2.
         shortest_s: float = max(
-            _SHORTEST_S,
+            _SHORTEST_CHANGE_S,
             1.5 * abs(by) * max(stopping_s, yaw_stopping_s),
             (6 * abs(by) * stopping_s * RAMP_S) ** 0.5,
         )
@@ -186,7 +186,7 @@ class TimeScaling:
         for index in range(math.ceil(change.duration_s / CHECK_PERIOD_S) + 1):
             check_s = min(index * CHECK_PERIOD_S, change.duration_s)
             time_s, scale, scale_rate = change.at(check_s)
-            if not 0.0 <= scale <= 1.0 + _MARGIN_RATIO:
+            if not 0.0 <= scale <= 1.0 + _LIMIT_MARGIN_RATIO:
                 return False
             own, step_s, last_s = self._trajectory.at(time_s), max(1e-6, check_s - last_s), check_s
             sent = scaled(own, scale, scale_rate)
@@ -201,11 +201,11 @@ class TimeScaling:
         """
         limits = self._trajectory.limits
         return (
-            speed_share(sent.velocity, limits) <= max(1.0, speed_share(own.velocity, limits)) + _MARGIN_RATIO
+            speed_share(sent.velocity, limits) <= max(1.0, speed_share(own.velocity, limits)) + _LIMIT_MARGIN_RATIO
             and acceleration_share(sent.acceleration, limits)
-            <= max(1.0, acceleration_share(own.acceleration, limits)) + _MARGIN_RATIO
+            <= max(1.0, acceleration_share(own.acceleration, limits)) + _LIMIT_MARGIN_RATIO
             and abs(sent.yaw_acceleration_rad_s2)
-            <= max(turn_acceleration_limit(limits), abs(own.yaw_acceleration_rad_s2)) * (1 + _MARGIN_RATIO)
+            <= max(turn_acceleration_limit(limits), abs(own.yaw_acceleration_rad_s2)) * (1 + _LIMIT_MARGIN_RATIO)
         )
 
     def _is_smooth(self, last: Motion, sent: Motion, step_s: float) -> bool:
@@ -213,9 +213,9 @@ class TimeScaling:
         limits = self._trajectory.limits
         jerk = (sent.acceleration - last.acceleration) / step_s
         yaw_jerk = (sent.yaw_acceleration_rad_s2 - last.yaw_acceleration_rad_s2) / step_s
-        return acceleration_share(jerk, limits) * RAMP_S <= 1.0 + _MARGIN_RATIO and abs(yaw_jerk) <= turn_jerk_limit(
-            limits
-        ) * (1 + _MARGIN_RATIO)
+        return acceleration_share(jerk, limits) * RAMP_S <= 1.0 + _LIMIT_MARGIN_RATIO and abs(
+            yaw_jerk
+        ) <= turn_jerk_limit(limits) * (1 + _LIMIT_MARGIN_RATIO)
 
 
 def scaled(motion: Motion, scale: float, scale_rate: float) -> Motion:

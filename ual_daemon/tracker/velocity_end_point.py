@@ -17,15 +17,15 @@ MOST_CHANGE_M_S2 = 2.0
 _POSITION_GAIN = 0.9
 """From a distance to a velocity, 1/s; PX4's own is 0.95 (MPC_XY_P), ArduPilot's 1 (PSC_POSXY_P)."""
 _MOST_VELOCITY_ERROR_M_S = 0.7
-_FLOWN_M_S = 0.1
+_LEAST_SPEED_M_S = 0.1
 """The commanded velocity counts as flown within this, or within half of it."""
-_CARRIED_M_S = 1.0
+_CARRIED_SPEED_M_S = 1.0
 """Difference in m/s from the expected velocity, other than by being slower, at which a UAV is carried away."""
 _BEHIND_S, _LEAST_BEHIND_M = 1.0, 0.5
 """Lag at which a UAV that makes less than half of its speed is stopped by something. This is in seconds of its speed,
 or the distance if that is more, `MOST_LAG_M` at most.
 """
-_STEP_S = 0.03
+_INTEGRATION_STEP_S = 0.03
 
 
 class ExpectedMotion:
@@ -40,7 +40,7 @@ class ExpectedMotion:
 
     def advance(self, commanded: Vector3, passed_s: float, response: VelocityResponse) -> None:
         """Lets time pass. In plain numbers, as each update passes here."""
-        count = math.ceil(passed_s / _STEP_S)
+        count = math.ceil(passed_s / _INTEGRATION_STEP_S)
         if not count:
             return
         v, p, step_s = self.velocity, self.position, passed_s / count
@@ -122,7 +122,7 @@ class VelocityEndPoint:
     def _may_not_follow(self, c: Vector3, v: Vector3, error: Vector3) -> bool:
         """Returns whether something may carry or stop the UAV: seldom, and then the directions are looked for."""
         x, y, z, u = v.x - error.x, v.y - error.y, v.z - error.z, self._expected.velocity
-        is_carried = math.hypot(x - u.x, y - u.y, z - u.z) > _CARRIED_M_S
+        is_carried = math.hypot(x - u.x, y - u.y, z - u.z) > _CARRIED_SPEED_M_S
         return is_carried or self._missed_m_s(c, x, y, z) is not None
 
     def _find_free(self, commanded: Vector3, here: Vector3, flown: Vector3) -> None:
@@ -132,9 +132,9 @@ class VelocityEndPoint:
         if self._is_stopped(commanded, here, flown):
             self._make_free(commanded)
         carried = flown - self._expected.velocity
-        if carried.norm() > _CARRIED_M_S:
+        if carried.norm() > _CARRIED_SPEED_M_S:
             carried = self._held(_without_slower(carried, self._expected.velocity))
-            if carried.norm() > _CARRIED_M_S:
+            if carried.norm() > _CARRIED_SPEED_M_S:
                 self._make_free(carried)
         for direction in self._free:
             self._expected.follow(flown, direction)
@@ -150,7 +150,7 @@ class VelocityEndPoint:
     def _missed_m_s(self, c: Vector3, x: float, y: float, z: float) -> float | None:
         """Returns the expected speed along the command `c` where (x, y, z) makes less than half of it; else None."""
         wanted_m_s = math.hypot(c.x, c.y, c.z)
-        if wanted_m_s <= _FLOWN_M_S:
+        if wanted_m_s <= _LEAST_SPEED_M_S:
             return None
         u = self._expected.velocity
         speed_m_s = min(wanted_m_s, (u.x * c.x + u.y * c.y + u.z * c.z) / wanted_m_s)
@@ -159,7 +159,7 @@ class VelocityEndPoint:
     def _make_free(self, along: Vector3) -> None:
         rest = self._held(along)
         rest_norm = rest.norm()
-        if rest_norm > _FLOWN_M_S / 2:
+        if rest_norm > _LEAST_SPEED_M_S / 2:
             self._free = (*self._free, rest / rest_norm)
 
     def _held(self, vector: Vector3) -> Vector3:
@@ -170,7 +170,7 @@ class VelocityEndPoint:
 
 
 def _is_followed(commanded_m_s: float, flown_m_s: float) -> bool:
-    return abs(commanded_m_s - flown_m_s) <= max(_FLOWN_M_S, abs(commanded_m_s) / 2)
+    return abs(commanded_m_s - flown_m_s) <= max(_LEAST_SPEED_M_S, abs(commanded_m_s) / 2)
 
 
 def _without_slower(change: Vector3, velocity: Vector3) -> Vector3:

@@ -6,8 +6,8 @@ import math
 
 from ual.geometry import Vector3
 
-_SMOOTHING_S = 0.3
-_LONGEST_GAP_S = 0.2
+_ERROR_SMOOTHING_S = 0.3
+_LONGEST_SAMPLE_GAP_S = 0.2
 """Nothing is learned over a longer gap."""
 
 
@@ -27,10 +27,10 @@ class VelocityError:
     def step(self, time_s: float, position: Vector3, velocity: Vector3) -> Vector3:
         """Makes one update. Returns the error, m/s. In plain numbers, as each update passes here."""
         last, self._last = self._last, (time_s, position, velocity)
-        if last is None or not 0.0 < time_s - last[0] <= _LONGEST_GAP_S:
+        if last is None or not 0.0 < time_s - last[0] <= _LONGEST_SAMPLE_GAP_S:
             return self.value
         passed_s, p, v, old = time_s - last[0], last[1], last[2], self.value
-        share = 1.0 - math.exp(-passed_s / _SMOOTHING_S)
+        share = 1.0 - math.exp(-passed_s / _ERROR_SMOOTHING_S)
         x = (velocity.x + v.x) / 2 - (position.x - p.x) / passed_s
         y = (velocity.y + v.y) / 2 - (position.y - p.y) / passed_s
         z = (velocity.z + v.z) / 2 - (position.z - p.z) / passed_s

@@ -26,13 +26,13 @@ from ual_daemon.trajectory.envelope import (
 from ual_daemon.trajectory.motion import Motion
 from ual_daemon.trajectory.pulse import change_m, change_s
 
-_LONGEST_S = 600.0
+_LONGEST_MOTION_S = 600.0
 """Ruckig is numerically unstable for motions that take hours."""
 _ALONG_SHARE = 0.95
 _HALVINGS_COUNT = 6
-_NOTHING = 1e-9
+_ZERO_TOLERANCE = 1e-9
 _SAMPLES_COUNT = 40
-_SLACK_RATIO = 1e-6
+_LIMIT_SLACK_RATIO = 1e-6
 
 
 class Along:
@@ -51,15 +51,15 @@ class Along:
         """
         way = goal - start.position
         length_m = way.norm()
-        if length_m <= _NOTHING:
+        if length_m <= _ZERO_TOLERANCE:
             return None
         axes = _axes(way / length_m)
         top_m_s = min(fastest_m_s, speed_limit(axes[0], limits))
-        if length_m / top_m_s > _LONGEST_S:
+        if length_m / top_m_s > _LONGEST_MOTION_S:
             return None
         velocity = [start.velocity.dot(axis) for axis in axes]
         acceleration = [start.acceleration.dot(axis) for axis in axes]
-        if all(abs(number) <= _NOTHING for number in (*velocity[1:], *acceleration[1:])):
+        if all(abs(number) <= _ZERO_TOLERANCE for number in (*velocity[1:], *acceleration[1:])):
             shares: tuple[float, ...] = (1.0, 0.0, 0.0)
             axes, velocity, acceleration = axes[:1], velocity[:1], acceleration[:1]
         else:
@@ -110,7 +110,7 @@ class Along:
             _, v, a = self.at(self.duration_s * look / _SAMPLES_COUNT)
             share = acceleration_share(a, limits)
             died_out = v + a * (share * RAMP_S / 2)
-            if max(share, speed_share(v, limits), speed_share(died_out, limits)) > 1.0 + _SLACK_RATIO:
+            if max(share, speed_share(v, limits), speed_share(died_out, limits)) > 1.0 + _LIMIT_SLACK_RATIO:
                 return False
         return True
 
@@ -128,12 +128,12 @@ def _forward_after_s(speed_m_s: float, acceleration_m_s2: float, length_m: float
 
 def _axes(direction: Vector3) -> list[Vector3]:
     h = direction.horizontal_norm()
-    across = Vector3(-direction.y / h, direction.x / h, 0.0) if h > _NOTHING else Vector3(0.0, 1.0, 0.0)
+    across = Vector3(-direction.y / h, direction.x / h, 0.0) if h > _ZERO_TOLERANCE else Vector3(0.0, 1.0, 0.0)
     return [direction, across, direction.cross(across)]
 
 
 def _fits(numbers: Sequence[float], limits: Sequence[float]) -> bool:
-    return all(abs(number) <= limit * (1.0 + _SLACK_RATIO) for number, limit in zip(numbers, limits, strict=True))
+    return all(abs(number) <= limit * (1.0 + _LIMIT_SLACK_RATIO) for number, limit in zip(numbers, limits, strict=True))
 
 
 def _shares(axes: Sequence[Vector3], limits: Limits) -> tuple[float, float, float]:

@@ -27,13 +27,13 @@ from ual_daemon.trajectory.pieces import Pieces
 from ual_daemon.trajectory.pulse import Pulse, fastest_change_m_s, largest
 
 _NONE = Vector3()
-_NO_ACCELERATION = 1e-9
+_LEAST_ACCELERATION_SHARE = 1e-9
 _NO_TIME_S = 1e-9
 _MOST_SPEEDS = 10
 _MOST_AIMS = 60
 _AIM_TOLERANCE = 1e-3
 _SPEED_TOLERANCE = 0.01
-_HIT_M = 1e-9
+_GOAL_TOLERANCE_M = 1e-9
 _SAMPLES_COUNT = 16
 
 
@@ -53,7 +53,7 @@ class Change:
     @classmethod
     def to(cls, after: Vector3, velocity: Vector3, acceleration: Vector3, limits: Limits) -> Change:
         """Plans the (almost) shortest change from a velocity with an acceleration to the velocity `after`."""
-        if acceleration_share(acceleration, limits) <= _NO_ACCELERATION:
+        if acceleration_share(acceleration, limits) <= _LEAST_ACCELERATION_SHARE:
             change = after - velocity
             size = change.norm()
             if size < 1e-12:
@@ -223,10 +223,10 @@ class _Aim:
         for count in range(_MOST_AIMS):
             speed = share * self._speed_limit(direction)
             change, left, left_m = self._bend(direction * speed)
-            if left_m < _HIT_M:
+            if left_m < _GOAL_TOLERANCE_M:
                 return None
             missed = (left / left_m - direction).norm()
-            if missed <= max(miss, _HIT_M / left_m, 1e-14):
+            if missed <= max(miss, _GOAL_TOLERANCE_M / left_m, 1e-14):
                 return change, direction, speed, left_m
             if count > 1 and (missed > 0.9 * last_miss or speed > 1.3 * self._stoppable_m_s(direction, left_m)):
                 return None

@@ -28,10 +28,10 @@ _SAMPLE_S = 0.02
 _FREE_SHARE = 0.95
 """Less than 1, because the rate may be a little larger between the samples."""
 _TURN_SHARE = 0.98
-_FIRST_MARGIN_S = 0.25
-_WIDER_FACTOR = 1.4
+_FIRST_TURN_MARGIN_S = 0.25
+_WIDER_TURN_FACTOR = 1.4
 _SAMPLES_COUNT = 32
-_ABOVE_M = 1e-3
+_LEAST_GOAL_DISTANCE_M = 1e-3
 
 
 @functools.lru_cache(maxsize=8)
@@ -50,7 +50,7 @@ def free_m(speed_m_s: float, limits: Limits) -> float:
             and turn_jerk <= _FREE_SHARE * turn_jerk_limit(limits)
         )
 
-    distance_m = _ABOVE_M
+    distance_m = _LEAST_GOAL_DISTANCE_M
     while not is_free(distance_m):
         distance_m *= 1.1
     return distance_m
@@ -96,7 +96,7 @@ class Facing(HeadingPlan):
 
     def _facing(self, position: Vector3, velocity: Vector3, acceleration: Vector3) -> tuple[float, float, float]:
         way = complex(self._point.x - position.x, self._point.y - position.y)
-        if abs(way) < _ABOVE_M:
+        if abs(way) < _LEAST_GOAL_DISTANCE_M:
             return 0.0, math.inf, math.inf
         turning = -complex(velocity.x, velocity.y) / way
         return (
@@ -153,7 +153,7 @@ class Facing(HeadingPlan):
         free_s = 0.0  # until this time the heading is planned
         while blind:
             (begin_s, end_s), *blind = blind
-            margin_s = _FIRST_MARGIN_S
+            margin_s = _FIRST_TURN_MARGIN_S
             turns: list[tuple[float, Turn | Polynomial]] = []
             while not turns:
                 from_s, to_s = max(free_s, begin_s - margin_s), end_s + margin_s
@@ -161,7 +161,7 @@ class Facing(HeadingPlan):
                     end_s = blind.pop(0)[1]
                     to_s = end_s + margin_s
                 turns = self._turns_between(from_s, yaw if from_s == 0.0 else self._at(from_s), to_s)
-                margin_s *= _WIDER_FACTOR
+                margin_s *= _WIDER_TURN_FACTOR
             for at_s, turn in turns:
                 self._times.append(at_s)
                 self._turns.append(turn)

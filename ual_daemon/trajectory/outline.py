@@ -10,11 +10,11 @@ from ual_daemon.trajectory.motion import Trajectory
 from ual_daemon.trajectory.simplify import kept
 
 MOST_POINTS = 2_000
-_PERIOD_S = 0.2
+_SAMPLE_PERIOD_S = 0.2
 """On a bend. A chord of this time is off the way by an eighth of its square times the acceleration. That is 0.05 m at
-10 m/s^2, and as much as `_WITHIN_M` again when points on a straight line are left out."""
-_WITHIN_M = 0.05
-_SAME_PLACE_M = 1e-6
+10 m/s^2, and as much as `_LINE_TOLERANCE_M` again when points on a straight line are left out."""
+_LINE_TOLERANCE_M = 0.05
+_SAME_POINT_M = 1e-6
 
 
 def outline(trajectory: Trajectory) -> list[Vector3]:
@@ -26,14 +26,14 @@ def outline(trajectory: Trajectory) -> list[Vector3]:
     every = -(-len(times_s) // MOST_POINTS)
     points = [trajectory.at(time_s).position for time_s in times_s[::every]]
     points.append(trajectory.end().position)
-    points = [points[0], *(point for before, point in pairwise(points) if (point - before).norm() > _SAME_PLACE_M)]
-    return [points[number] for number in kept(points, [0.0] * len(points), None, _WITHIN_M, 0.0)]
+    points = [points[0], *(point for before, point in pairwise(points) if (point - before).norm() > _SAME_POINT_M)]
+    return [points[number] for number in kept(points, [0.0] * len(points), None, _LINE_TOLERANCE_M, 0.0)]
 
 
 def _times_s(trajectory: Trajectory) -> Iterator[float]:
     """Yields times in order: the start, and those at which a bend begins, and goes on, and ends."""
     spans = list(trajectory.bends_s())
-    period_s = max(_PERIOD_S, sum(end_s - begin_s for begin_s, end_s in spans) / MOST_POINTS)
+    period_s = max(_SAMPLE_PERIOD_S, sum(end_s - begin_s for begin_s, end_s in spans) / MOST_POINTS)
     yield 0.0
     for begin_s, end_s in spans:
         count = int((end_s - begin_s) / period_s) + 1

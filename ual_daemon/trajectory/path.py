@@ -18,15 +18,15 @@ from ual_daemon.trajectory.facing import Facing, free_m
 from ual_daemon.trajectory.heading import Turns, turn_s
 from ual_daemon.trajectory.motion import Motion, Trajectory
 from ual_daemon.trajectory.pieces import Pieces
-from ual_daemon.trajectory.run import CLOSE_SHARE, Run
+from ual_daemon.trajectory.run import CORNER_RADIUS_SHARE, Run
 from ual_daemon.trajectory.simplify import kept
 from ual_daemon.trajectory.stay import Stay
 from ual_daemon.trajectory.straight import StraightTrajectory
 
-_SAME_PLACE_M = 1e-6
+_SAME_POINT_M = 1e-6
 _LEAST_CUT_M = 1e-3
-_SHARPEST_ROUNDED_CORNER = math.cos(math.radians(170.0))
-_LEAST_HORIZONTAL = 1e-3
+_SHARPEST_CORNER_COSINE = math.cos(math.radians(170.0))
+_LEAST_HORIZONTAL_SHARE = 1e-3
 """A direction with a smaller horizontal part has no azimuth."""
 _SAME_TURN_RAD = 0.1
 
@@ -181,12 +181,12 @@ class _Planner:
         before_m, after_m = into.norm(), out.norm()
         if min(self._radius_m, before_m / 2, after_m / 2) < _LEAST_CUT_M:
             return False
-        return into.dot(out) >= _SHARPEST_ROUNDED_CORNER * before_m * after_m
+        return into.dot(out) >= _SHARPEST_CORNER_COSINE * before_m * after_m
 
     def _between(self, now: Motion, first: int, last: int) -> list[Trajectory]:
         """Plans the part from one stop to the next."""
         if self._heading is PathHeading.POINT_OF_INTEREST:
-            if (self._points[last] - now.position).norm() < _SAME_PLACE_M and last - first == 1:
+            if (self._points[last] - now.position).norm() < _SAME_POINT_M and last - first == 1:
                 return [StraightTrajectory(now, self._points[last], now.yaw_rad, self._limits)]
             return [self._run(now, first, last)]
         if self._heading is PathHeading.ALONG_PATH and _is_resting(now):
@@ -220,7 +220,7 @@ class _Planner:
         # The bend ends towards the first waypoint, so this waypoint must not be left out.
         numbers = self._kept(first, last) if _is_resting(now) else [first, *self._kept(first + 1, last)]
         points = [bend.position, *(self._points[number] for number in numbers[1:])]
-        if (points[1] - points[0]).norm() < _SAME_PLACE_M:  # the bend ends at rest at the first waypoint
+        if (points[1] - points[0]).norm() < _SAME_POINT_M:  # the bend ends at rest at the first waypoint
             del points[0], numbers[0]
         fastest = [self._fastest[number - 1] for number in numbers[1:]]
         yaws = [self._yaws[number] for number in numbers]
@@ -235,7 +235,7 @@ class _Planner:
     def _kept(self, first: int, last: int) -> list[int]:
         """Returns the waypoints, from one to another, that are not just points on a straight line between others."""
         yaws = _unwrapped(self._yaws[first : last + 1]) if self._heading is PathHeading.WAYPOINTS else None
-        within_m = self._radius_m * CLOSE_SHARE
+        within_m = self._radius_m * CORNER_RADIUS_SHARE
         numbers = kept(self._points[first : last + 1], self._fastest[first:last], yaws, within_m, _SAME_TURN_RAD)
         return [first + number for number in numbers]
 
@@ -288,7 +288,7 @@ def _is_resting(motion: Motion) -> bool:
 
 
 def _azimuth(way: Vector3, otherwise_rad: float) -> float:
-    if way.horizontal_norm() <= _LEAST_HORIZONTAL * way.norm():
+    if way.horizontal_norm() <= _LEAST_HORIZONTAL_SHARE * way.norm():
         return otherwise_rad
     return math.atan2(way.y, way.x)
 

@@ -19,8 +19,8 @@ from ual_daemon.trajectory.motion import Motion, Trajectory
 from ual_daemon.trajectory.pieces import Pieces
 from ual_daemon.trajectory.pulse import Pulse, change_m, change_s, fastest_change_m_s, largest, peak_m_s
 
-_STRAIGHT_ON = 1e-9
-CLOSE_SHARE = 0.1
+_LEAST_DIRECTION_CHANGE = 1e-9
+CORNER_RADIUS_SHARE = 0.1
 """A point that is this near to a leg, as a share of the corner radius, counts as on the leg."""
 
 
@@ -33,7 +33,9 @@ class _Corner:
 
     def duration_s(self, speed_m_s: float) -> float:
         """Returns the duration at a speed."""
-        return change_s(self.change * speed_m_s, self.acceleration_m_s2) if self.change > _STRAIGHT_ON else 0.0
+        return (
+            change_s(self.change * speed_m_s, self.acceleration_m_s2) if self.change > _LEAST_DIRECTION_CHANGE else 0.0
+        )
 
     def cut_m(self, speed_m_s: float) -> float:
         """Returns the distance from the corner at which it leaves the leg, and joins the next one."""
@@ -43,11 +45,15 @@ class _Corner:
         """Returns the distance from the corner at which it may leave the leg to stay close to both legs. It passes the
         corner at a quarter of this distance times the change of direction, at most.
         """
-        return 4 * CLOSE_SHARE * corner_radius_m / self.change if self.change > _STRAIGHT_ON else math.inf
+        return (
+            4 * CORNER_RADIUS_SHARE * corner_radius_m / self.change
+            if self.change > _LEAST_DIRECTION_CHANGE
+            else math.inf
+        )
 
     def fastest_m_s(self, cut_m: float) -> float:
         """Returns the speed at which it leaves the leg at a distance from the corner."""
-        if self.change <= _STRAIGHT_ON:
+        if self.change <= _LEAST_DIRECTION_CHANGE:
             return math.inf
         return fastest_change_m_s(cut_m * self.change, self.acceleration_m_s2) / self.change
 
@@ -72,8 +78,8 @@ class Run(Trajectory):
     ) -> None:
         """`points` begin where the bend ends; the bend must end towards the second point, or at rest. For each leg,
         `fastest_m_s` is its speed limit (infinity: none of its own), `least_s` its shortest duration, and `reach_m` how
-        far from its ends it may be left. If that is more than the radius, the corner must stay within `CLOSE_SHARE` of
-        the radius from the legs.
+        far from its ends it may be left. If that is more than the radius, the corner must stay within
+        `CORNER_RADIUS_SHARE` of the radius from the legs.
         """
         self.limits = limits
         self._bend = bend
@@ -226,11 +232,11 @@ _NO_CORNER = _Corner(0.0, 1.0)
 def _corner(before: Vector3, after: Vector3, limits: Limits) -> _Corner:
     change = after - before
     size = change.norm()
-    return _Corner(size, acceleration_limit(change / size, limits)) if size > _STRAIGHT_ON else _NO_CORNER
+    return _Corner(size, acceleration_limit(change / size, limits)) if size > _LEAST_DIRECTION_CHANGE else _NO_CORNER
 
 
 def _pulse(corner: _Corner, speed_m_s: float) -> Pulse:
-    if corner.change <= _STRAIGHT_ON:
+    if corner.change <= _LEAST_DIRECTION_CHANGE:
         return Pulse()
     return Pulse.shortest(corner.change * speed_m_s, corner.acceleration_m_s2)
 

@@ -18,7 +18,7 @@ from ual_daemon.trajectory.pieces import Pieces
 from ual_daemon.trajectory.pulse import change_m, change_s, largest, peak_m_s
 from ual_daemon.trajectory.turn import Turn
 
-_SAME_PLACE_M = 1e-9
+_SAME_POINT_M = 1e-9
 
 
 class StraightTrajectory(Trajectory):
@@ -93,7 +93,7 @@ class _BentTrajectory:
         self._bend, self._goal = bend, goal
         self._leg: Leg | None = None
         self.duration_s = self.bend_s = bend.duration_s
-        if left_m > _SAME_PLACE_M:
+        if left_m > _SAME_POINT_M:
             begin_m_s = bend.velocity.norm()
             fastest_m_s = min(max_speed_m_s, speed_limit(direction, limits))
             acceleration = acceleration_limit(direction, limits)

@@ -16,9 +16,9 @@ from ual.types import Limits
 from ual_daemon.trajectory.envelope import planned_limit, turn_acceleration_limit, turn_jerk_limit
 from ual_daemon.trajectory.motion import Motion
 
-_LONGEST_S = 600.0
+_LONGEST_TURN_S = 600.0
 """Ruckig is numerically unstable for motions that take hours: a turn during a longer leg ends earlier than the leg."""
-_LONGER_FACTOR = 1.01
+_LONGER_TURN_FACTOR = 1.01
 """Ruckig may fail to plan a turn that is only a little longer than the shortest one."""
 
 
@@ -50,8 +50,8 @@ class Turn:
         else:
             given.target_position = [wrap_angle(yaw_rad - start.yaw_rad)]
         self._trajectory = _calculate(given)
-        if within_s > self._trajectory.duration * _LONGER_FACTOR:
-            given.minimum_duration = min(within_s, _LONGEST_S)
+        if within_s > self._trajectory.duration * _LONGER_TURN_FACTOR:
+            given.minimum_duration = min(within_s, _LONGEST_TURN_S)
             with suppress(UalError):  # Ruckig fails for some motions: then the turn is as fast as possible
                 self._trajectory = _calculate(given)
         self.duration_s = self._trajectory.duration

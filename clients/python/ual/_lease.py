@@ -12,7 +12,7 @@ from ual import _calls, _forks, interface
 from ual._connection import Connection
 from ual.errors import LeaseLostError, UalError
 
-KEEP_S = 0.5
+KEEP_ALIVE_PERIOD_S = 0.5
 """A fourth of the time after which a lease expires."""
 _log = logging.getLogger(__name__)
 
@@ -53,7 +53,7 @@ class Lease(interface.Lease):
             self._forget()
             return
         self._is_over.set()
-        self._thread.join(KEEP_S)
+        self._thread.join(KEEP_ALIVE_PERIOD_S)
         self._settle()
         try:
             self._connection.run(_calls.release_lease(self._id))
@@ -68,9 +68,9 @@ class Lease(interface.Lease):
             self._connection.target.lease_id = ""
 
     def _keep(self) -> None:
-        while not self._is_over.wait(KEEP_S):
+        while not self._is_over.wait(KEEP_ALIVE_PERIOD_S):
             try:
-                self._connection.run(_calls.keep_lease(self._id), KEEP_S)
+                self._connection.run(_calls.keep_lease(self._id), KEEP_ALIVE_PERIOD_S)
             except LeaseLostError as error:
                 self._lose(error)
             except UalError:  # whether it still is the holder's is said by the next answer

@@ -3,8 +3,8 @@
 Poses from outside (`set_external_pose`) are sent in the same way, by a stream of their own.
 
 The first setpoint waits for the daemon's answer (a millisecond), so that the caller that began to fly gets the refusal.
-Setpoints that follow within `CONTINUES_S` only hand over the newest one and return. If the daemon refuses one of these,
-the next setpoint raises the refusal.
+Setpoints that follow within `CONTINUED_STREAM_S` only hand over the newest one and return. If the daemon refuses one of
+these, the next setpoint raises the refusal.
 """
 
 from __future__ import annotations
@@ -28,13 +28,13 @@ _log = logging.getLogger(__name__)
 Element: TypeAlias = Any
 """A message of the stream: which one depends on its `StreamKind`."""
 
-CONTINUES_S = 0.5
+CONTINUED_STREAM_S = 0.5
 """A setpoint that comes later than this after the last one is sent by a call again. The daemon stops a UAV that gets no
 velocity for this long.
 """
-STALE_S = 0.2
+STALE_SETPOINT_S = 0.2
 """A setpoint that waits for longer than this is dropped, because it is out of date."""
-CLOSE_S = 2.0
+CLOSE_TIMEOUT_S = 2.0
 """Seconds that the daemon may take to read the last setpoints of a stream."""
 
 
@@ -90,7 +90,9 @@ class Setpoints:
         with self._lock:
             failure, self._failure = self._failure, None
             now_s = self._clock()
-            continues = failure is None and self._accepted_s is not None and now_s - self._accepted_s < CONTINUES_S
+            continues = (
+                failure is None and self._accepted_s is not None and now_s - self._accepted_s < CONTINUED_STREAM_S
+            )
             self._accepted_s = now_s if continues else None
             stream, is_new = self._stream, False
             if continues and stream is None:
@@ -122,7 +124,7 @@ class Setpoints:
         """
         with self._lock:
             stream, self._accepted_s = self._stream, None
-        is_taken = stream is None or stream.close(CLOSE_S)
+        is_taken = stream is None or stream.close(CLOSE_TIMEOUT_S)
         with self._lock:
             failure, self._failure = self._failure, None
         return log_settled(is_taken, failure, self._kind)
@@ -138,7 +140,10 @@ def log_settled(is_taken: bool, failure: UalError | None, kind: StreamKind = SET
     """Logs what went wrong with the last setpoints of a stream; returns whether all of them were taken."""
     if not is_taken:
         _log.warning(
-            "the daemon did not take the last %s within %g s: it is not known %s", kind.name, CLOSE_S, kind.doubt
+            "the daemon did not take the last %s within %g s: it is not known %s",
+            kind.name,
+            CLOSE_TIMEOUT_S,
+            kind.doubt,
         )
     if failure is not None:
         _log.warning("the last %s were refused: %s: %s", kind.name, failure.reason, failure.message)
@@ -244,7 +249,7 @@ class _Stream:
                     is_ending = self._is_ending
                     break
             setpoint, put_s = newest
-            if self._clock() - put_s <= STALE_S:
+            if self._clock() - put_s <= STALE_SETPOINT_S:
                 self._send(setpoint, self._send_next)
                 return
         if is_ending:

@@ -22,7 +22,7 @@ RUNTIME_DIR_VARIABLE = "UAL_RUNTIME_DIR"
 LOOPBACK = "127.0.0.1"
 
 _DEFAULT_PORT = 50051
-_PORT_BEFORE_FIRST = 50050
+_NUMBERED_PORT_OFFSET = 50050
 LAST_PORT = 65535
 _LONGEST_FILE_BYTES = 4096
 _UNTRUSTED = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0)
@@ -63,13 +63,13 @@ HOME = "home"
 def default_port(ns: str) -> int:
     """Returns 50050 + N for a namespace that ends in ``_N``, 50051 for one without a number."""
     _, number = split_number(ns)
-    return _PORT_BEFORE_FIRST + number if number is not None and has_own_port(ns) else _DEFAULT_PORT
+    return _NUMBERED_PORT_OFFSET + number if number is not None and has_own_port(ns) else _DEFAULT_PORT
 
 
 def has_own_port(ns: str) -> bool:
     """Returns whether the namespace has a default port that no other namespace has."""
     _, number = split_number(ns)
-    return number is not None and _PORT_BEFORE_FIRST + number <= LAST_PORT
+    return number is not None and _NUMBERED_PORT_OFFSET + number <= LAST_PORT
 
 
 def split_number(ns: str) -> tuple[str, int | None]:
@@ -105,7 +105,7 @@ class Registration:
         text = json.dumps(asdict(self)) + "\n"
         for file in (registry_file(self.ns), _file_of_user(self.ns, os.getuid())):
             try:
-                whole_file.replace(file, text, whole_file.READABLE)
+                whole_file.replace(file, text, whole_file.READABLE_PERMISSIONS)
             except PermissionError as error:  # a daemon of another user was killed: only that user may remove its file
                 refusal = error
             else:

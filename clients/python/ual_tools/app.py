@@ -13,7 +13,7 @@ from typing_extensions import override
 from ual.errors import UalError
 from ual_tools import multi, options
 from ual_tools.help import ALIASES, Section, close, no_such_command, write_examples
-from ual_tools.session import INTERRUPTED, REFUSED, fail_usage, session
+from ual_tools.session import INTERRUPTED_STATUS, REFUSED_STATUS, fail_usage, session
 from ual_tools.streams import OutputLostError, end_without_output
 
 
@@ -160,9 +160,9 @@ class UalGroup(SharedOptions, click.Group):
                 fail_usage(error)
             raise
         except KeyboardInterrupt:  # click would print "Aborted!"
-            raise click.exceptions.Exit(INTERRUPTED) from None
+            raise click.exceptions.Exit(INTERRUPTED_STATUS) from None
         except OutputLostError as error:  # of help or version
-            raise click.exceptions.Exit(0 if end_without_output(error) else REFUSED) from None
+            raise click.exceptions.Exit(0 if end_without_output(error) else REFUSED_STATUS) from None
         context.meta.setdefault(_IS_JSON, is_json)
         return context
 
@@ -172,15 +172,15 @@ class UalGroup(SharedOptions, click.Group):
             return super().invoke(ctx)
         except UalError as error:
             session(ctx).fail(error)
-            ctx.exit(REFUSED)
+            ctx.exit(REFUSED_STATUS)
         except click.UsageError as error:
             if ctx.parent is None and ctx.meta[_IS_JSON]:
                 fail_usage(error)
             raise
         except KeyboardInterrupt:
-            ctx.exit(INTERRUPTED)
+            ctx.exit(INTERRUPTED_STATUS)
         except OutputLostError as error:
-            ctx.exit(0 if end_without_output(error) else REFUSED)
+            ctx.exit(0 if end_without_output(error) else REFUSED_STATUS)
 
 
 def command(

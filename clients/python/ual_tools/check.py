@@ -11,7 +11,7 @@ import click
 from ual_tools import complete
 from ual_tools.app import command
 from ual_tools.help import Section
-from ual_tools.session import REFUSED, CommandSession, note, pass_session
+from ual_tools.session import REFUSED_STATUS, CommandSession, note, pass_session
 from ual_tools.tables import print_table
 
 if TYPE_CHECKING:
@@ -49,13 +49,13 @@ def check(session: CommandSession, yes: bool, no_motion: bool, only: tuple[str, 
                 _emit(session, result)
         except conformance.CheckFailedError as error:
             note(f"ual: the UAV did not land after the checks: {error}")
-            raise click.exceptions.Exit(REFUSED) from error
+            raise click.exceptions.Exit(REFUSED_STATUS) from error
         except KeyboardInterrupt:
             note("ual: interrupted: a UAV in flight holds its position; `ual land` lands it")
             raise
     _print_results(session, results)
     if any(result.outcome is conformance.Outcome.FAILED for result in results):
-        raise click.exceptions.Exit(REFUSED)
+        raise click.exceptions.Exit(REFUSED_STATUS)
 
 
 def _chosen(checks: Sequence[Check], only: tuple[str, ...]) -> list[Check]:
@@ -86,7 +86,7 @@ def _confirm(flight: Flight, checks: Sequence[Check]) -> None:
     if not flight.has_pilot and not flight.info.is_arming_allowed:
         note("You will be asked to arm it. Keep the transmitter at hand: taking over ends the running check.")
     if not _is_granted():
-        raise click.exceptions.Exit(REFUSED)
+        raise click.exceptions.Exit(REFUSED_STATUS)
 
 
 def _is_granted() -> bool:

@@ -15,7 +15,7 @@ from ual_tools.session import session
 if TYPE_CHECKING:
     from ual.interface import Uav
 
-_PATIENCE_S = 1.0
+_QUERY_TIMEOUT_S = 1.0
 """A shell waits for the completion, so a daemon that does not answer by then is left out."""
 
 
@@ -52,7 +52,7 @@ def _answer_of_uav(context: click.Context, ask: Callable[[Uav], list[str]]) -> l
     try:
         chosen.settle()
         with chosen.connect(with_lease=False) as uav:
-            end = threading.Timer(_PATIENCE_S, uav.close)
+            end = threading.Timer(_QUERY_TIMEOUT_S, uav.close)
             end.start()
             try:
                 return ask(uav)

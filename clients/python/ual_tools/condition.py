@@ -18,7 +18,7 @@ LOW_PERCENT, CRITICAL_PERCENT = 30.0, 15.0
 from there on, when not configured)."""
 _ALWAYS_TOLD = ("daemon: ", "autopilot: ", "position: ")
 """Prefixes of checks that are reported in each state; see `ual.types.Health`."""
-_WEAK_LINK = 0.8
+_WEAK_LINK_SHARE = 0.8
 """Share of the autopilot's messages below which the link counts as weak."""
 
 T = TypeVar("T")
@@ -156,7 +156,7 @@ def _of_health(t: Telemetry) -> list[tuple[Urgency, str]]:
     found = [(Urgency.ALARM, f"failsafe: {health.failsafe}")] * bool(health.failsafe)
     if t.frame_lost:
         found.append((Urgency.ALARM, f"frame lost: {t.frame_lost}"))
-    if health.link_quality is not None and health.link_quality < _WEAK_LINK:
+    if health.link_quality is not None and health.link_quality < _WEAK_LINK_SHARE:
         found.append((Urgency.WARNING, f"weak link: {100.0 * health.link_quality:.0f} % arrives"))
     found += [(Urgency.WARNING, each) for each in health.failing_checks if each.startswith(_ALWAYS_TOLD)]
     if t.state is State.LANDED_DISARMED and health.is_ready_to_arm is False:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import signal
 import sys
 
-_INTERRUPTED = 130
+_INTERRUPTED_STATUS = 130
 
 
 def main() -> None:
@@ -19,4 +19,4 @@ def main() -> None:
     try:
         run()
     except KeyboardInterrupt:
-        sys.exit(_INTERRUPTED)
+        sys.exit(_INTERRUPTED_STATUS)

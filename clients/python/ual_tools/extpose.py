@@ -20,7 +20,7 @@ from ual_tools.app import command
 from ual_tools.help import Section
 from ual_tools.session import CommandSession, pass_session
 
-_ORIENTED = 7
+_ORIENTED_FIELDS = 7
 
 
 @command("extpose", "ual extpose --file poses.csv --rate 50", section=Section.AUTOPILOT)
@@ -96,7 +96,7 @@ def _parsed(lines: Iterable[str], name: str) -> Iterator[Pose]:
 def parse_pose(text: str) -> Pose:
     """Parses ``X,Y,Z,YAW`` or ``X,Y,Z,QX,QY,QZ,QW``. Raises `ValueError`."""
     parts = text.split(",")
-    if len(parts) == _ORIENTED:
+    if len(parts) == _ORIENTED_FIELDS:
         x, y, z, *rotation = map(parse_number, parts)
         return Pose(Vector3(x, y, z), Quaternion(*rotation))
     pose = routes.parse_waypoint(text)

@@ -34,7 +34,7 @@ class ListedCommand(NamedTuple):
     short_help: str
 
 
-WIDEST_COLUMNS = 120
+MOST_HELP_COLUMNS = 120
 """The help uses the width of the terminal, up to this: longer lines are hard to read."""
 
 ALIASES: Mapping[str, str] = {"simulation": "sim"}

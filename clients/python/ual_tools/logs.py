@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from ual import Uav
 
 _FILE = click.Path(path_type=Path, dir_okay=False)
-_AGAIN_S = 1.0
+_DOWNLOAD_RETRY_S = 1.0
 _BROKEN = (DaemonUnreachableError, LinkLostError, UalTimeoutError)
 """After these a download goes on by itself."""
 
@@ -143,7 +143,7 @@ def _patiently(uav: Uav, log: Log, file: Path, show: Callable[[int, int], None],
         except _BROKEN as error:
             if time.monotonic() - newest_s > patience_s:
                 raise _kept(error, file) from None
-            time.sleep(_AGAIN_S)
+            time.sleep(_DOWNLOAD_RETRY_S)
 
 
 def _kept(error: UalError, file: Path) -> UalError:

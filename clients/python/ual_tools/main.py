@@ -11,7 +11,7 @@ from ual.errors import InvalidArgumentError
 from ual.shared import environment
 from ual_tools import __version__, streams
 from ual_tools.command_list import COMMANDS
-from ual_tools.help import WIDEST_COLUMNS
+from ual_tools.help import MOST_HELP_COLUMNS
 from ual_tools.lazy import LazyGroup
 
 MODULES = (
@@ -47,7 +47,7 @@ MODULES = (
 @click.group(
     cls=LazyGroup,
     listed=COMMANDS,
-    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": WIDEST_COLUMNS},
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": MOST_HELP_COLUMNS},
     examples=(
         "ual list",
         "ual takeoff 3",

@@ -14,7 +14,7 @@ from ual.interface import Task
 from ual.types import Plan, State
 from ual_tools import plot, progress
 from ual_tools.output import plan_text, task_text
-from ual_tools.session import INTERRUPTED, CommandSession, note
+from ual_tools.session import INTERRUPTED_STATUS, CommandSession, note
 
 if TYPE_CHECKING:
     from ual import Uav
@@ -73,7 +73,7 @@ def _shown(session: CommandSession, uav: Uav) -> AbstractContextManager[None]:
 def interrupt(text: str) -> NoReturn:
     """Prints a message and ends the program with the exit status of an interruption."""
     note(f"ual: {text}")
-    raise click.exceptions.Exit(INTERRUPTED)
+    raise click.exceptions.Exit(INTERRUPTED_STATUS)
 
 
 def print_plan(session: CommandSession, plan: Plan) -> None:

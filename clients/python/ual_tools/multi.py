@@ -12,15 +12,15 @@ import click
 
 from ual.discovery import natural_order
 from ual.errors import DaemonUnreachableError, UalError
-from ual_tools.session import INTERRUPTED, REFUSED, CommandSession
+from ual_tools.session import INTERRUPTED_STATUS, REFUSED_STATUS, CommandSession
 from ual_tools.start import CommandMember, Gate
 from ual_tools.streams import OutputKind, OutputLostError, give_up_output, write
 
 if TYPE_CHECKING:
     from ual_tools.condition import UavCondition
 
-_LOOK_S = 0.2
-_STOPPED_S = 2.0
+_JOIN_POLL_S = 0.2
+_STOP_TIMEOUT_S = 2.0
 _PLACE = "{ns}"
 
 
@@ -77,7 +77,7 @@ def invoke(
         _stop(runs)
         for run in runs:
             run.print_output()
-        context.exit(INTERRUPTED)
+        context.exit(INTERRUPTED_STATUS)
     for run in runs:
         if run.defect is not None:
             raise run.defect
@@ -87,7 +87,7 @@ def invoke(
 def _print_until_done(run: _UavRun) -> None:
     """Prints what the command of one UAV prints. The others' lines wait: results come in the order of the names."""
     while run.thread.is_alive():
-        run.thread.join(_LOOK_S)
+        run.thread.join(_JOIN_POLL_S)
         run.print_output()
     run.print_output()
 
@@ -97,7 +97,7 @@ def _print_worst_first(runs: Sequence[_UavRun], session: CommandSession) -> None
 
     for run in runs:
         while run.thread.is_alive():
-            run.thread.join(_LOOK_S)
+            run.thread.join(_JOIN_POLL_S)
     for run in condition.worst_first(runs, lambda each: each.condition, lambda each: each.name):
         run.print_output()
     if sys.stdout.isatty() and not session.as_json:
@@ -110,9 +110,9 @@ def _stop(runs: Sequence[_UavRun]) -> None:
     for thread in stopping:
         thread.start()
     for thread in stopping:
-        thread.join(_STOPPED_S)
+        thread.join(_STOP_TIMEOUT_S)
     for run in runs:
-        run.thread.join(_LOOK_S)
+        run.thread.join(_JOIN_POLL_S)
 
 
 class _UavRun:
@@ -154,7 +154,7 @@ class _UavRun:
             except OutputLostError as error:  # the others fly on
                 self._session.note(f"ual: the result cannot be printed: {error}")
                 give_up_output()
-                self.status = REFUSED
+                self.status = REFUSED_STATUS
 
     def stop(self) -> None:
         """Stops what the command has begun."""
@@ -168,7 +168,7 @@ class _UavRun:
             with self._context:
                 self._command(self._context)
         except UalError as error:
-            self.status = REFUSED
+            self.status = REFUSED_STATUS
             self._session.fail(error)
         except click.exceptions.Exit as end:
             self.status = end.exit_code

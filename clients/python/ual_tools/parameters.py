@@ -15,7 +15,7 @@ from ual.parameters import SYSTEM_ID_NAMES, Difference, FileValues, Parameter, c
 from ual_tools import values
 from ual_tools.app import UalCommand, UalGroup
 from ual_tools.help import Section
-from ual_tools.session import REFUSED, CommandSession, pass_session
+from ual_tools.session import REFUSED_STATUS, CommandSession, pass_session
 from ual_tools.tables import print_table
 
 _FILE = click.Path(path_type=Path, dir_okay=False)
@@ -128,7 +128,7 @@ def compare_file(session: CommandSession, file: Path, all_names: bool) -> None:
     else:
         click.echo(f"all {len(in_file)} parameters of {file} are alike on the UAV")
     if differences:
-        raise click.exceptions.Exit(REFUSED)
+        raise click.exceptions.Exit(REFUSED_STATUS)
 
 
 @param.command("load", cls=UalCommand, examples=("ual param load before.params", "ual param load --force my.param"))
@@ -156,7 +156,7 @@ def load(session: CommandSession, file: Path, force: bool) -> None:
     left_out = "".join(f"; left out: {each.text}" for each in in_file.left_out)
     session.emit({**told, "needs_reboot": later, "left_out": others}, text + boot + left_out)
     if len(written) < len(differences):
-        raise click.exceptions.Exit(REFUSED)
+        raise click.exceptions.Exit(REFUSED_STATUS)
 
 
 def _those_of(session: CommandSession, parameters: Parameters, in_file: Mapping[str, float]) -> list[Parameter]:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ual import Uav
 
 _ENDINGS = (".pdf", ".png", ".svg")
-_WINDOW_SAMPLES = 100
+_WINDOW_SAMPLES_COUNT = 100
 """Two seconds at 50 Hz. A UAV is rarely further behind its reference, because the reference waits for it."""
 
 
@@ -103,7 +103,7 @@ def cross_track_m(places: Sequence[PlotPoint]) -> list[float]:
     wanted = [place.wanted for place in places]
     result, near = [], 0
     for place in places:
-        window = range(max(0, near - _WINDOW_SAMPLES), min(len(wanted), near + _WINDOW_SAMPLES + 1))
+        window = range(max(0, near - _WINDOW_SAMPLES_COUNT), min(len(wanted), near + _WINDOW_SAMPLES_COUNT + 1))
         near = min(window, key=lambda index: (wanted[index] - place.flown).norm())
         neighbours = wanted[max(0, near - 1) : near + 2]
         result.append(

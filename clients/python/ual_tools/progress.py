@@ -12,7 +12,7 @@ from ual.types import Telemetry
 if TYPE_CHECKING:
     from ual import Uav
 
-_RATE_HZ = 5.0
+_TELEMETRY_RATE_HZ = 5.0
 
 
 @contextmanager
@@ -45,7 +45,7 @@ def shown(uav: Uav) -> Iterator[None]:
                 left="" if left is None else f"{left:6.2f} m left",
             )
 
-        with uav.subscribe(show, _RATE_HZ):
+        with uav.subscribe(show, _TELEMETRY_RATE_HZ):
             yield
 
 

@@ -17,7 +17,7 @@ from ual.shared import extras
 from ual_tools.app import UalCommand, UalGroup, command
 from ual_tools.help import Section
 from ual_tools.selection import several
-from ual_tools.session import REFUSED, CommandSession, pass_session
+from ual_tools.session import REFUSED_STATUS, CommandSession, pass_session
 from ual_tools.tables import print_table
 from ual_tools.values import Number
 
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from ual_tools.recording.page import DrawnFlight
     from ual_tools.recording.summary import Summary
 
-_LOOK_S = 0.2
+_POLL_PERIOD_S = 0.2
 _DRAWINGS = (".pdf", ".png", ".svg")
 _FILE = click.argument("file", type=click.Path(exists=True, dir_okay=False, path_type=Path))
 
@@ -73,7 +73,7 @@ def record(context: click.Context, directory: Path, duration_s: float | None, ha
         _wait(duration_s)
     _report(session, recording)
     if recording.trouble:
-        raise click.exceptions.Exit(REFUSED)
+        raise click.exceptions.Exit(REFUSED_STATUS)
 
 
 def _begin(session: CommandSession, directory: Path, stack: ExitStack, *, has_pictures: bool) -> ClientRecording:
@@ -102,7 +102,7 @@ def _wait(duration_s: float | None) -> None:
     pause = threading.Event()
     try:
         while end_s is None or time.monotonic() < end_s:
-            pause.wait(_LOOK_S if end_s is None else min(_LOOK_S, max(0.0, end_s - time.monotonic())))
+            pause.wait(_POLL_PERIOD_S if end_s is None else min(_POLL_PERIOD_S, max(0.0, end_s - time.monotonic())))
     except KeyboardInterrupt:
         return
 

@@ -10,7 +10,7 @@ from ual.types import Telemetry
 from ual_tools import multi
 from ual_tools.session import CommandSession
 
-_PARALLEL = 16
+_PARALLEL_CALLS_COUNT = 16
 
 
 def chosen_daemons(session: CommandSession) -> list[Registration]:
@@ -54,5 +54,5 @@ def ask_all(session: CommandSession, daemons: Sequence[Registration]) -> Iterato
         except UalError as error:
             return error
 
-    with ThreadPoolExecutor(_PARALLEL) as pool:
+    with ThreadPoolExecutor(_PARALLEL_CALLS_COUNT) as pool:
         yield from pool.map(ask, daemons)

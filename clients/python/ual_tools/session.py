@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 
 LOOPBACK = "loopback"
 """The network of this computer; as in `ual.network.settings`, which only commands of the network load."""
-REFUSED = 1
+REFUSED_STATUS = 1
 """The exit status of a command that was refused or failed."""
-INTERRUPTED = 130
+INTERRUPTED_STATUS = 130
 
 
 @dataclass

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from ual import Uav
     from ual_tools.condition import UavCondition
 
-_LONGEST_S = 86_400.0
+_LONGEST_DELAY_S = 86_400.0
 _DAY, _HALF_DAY, _JUST_PAST = timedelta(days=1), timedelta(hours=12), timedelta(hours=2)
-_SHORT_S = 10.0
+_SHORT_DELAY_S = 10.0
 """A wait that no one needs to be told of."""
 _CLOCK = re.compile(r"[0-9]{1,2}:[0-9]{2}(:[0-9]{2}(\.[0-9]+)?)?")
 
@@ -50,7 +50,7 @@ class Time(click.ParamType[float]):
         left_s = begin_s - now.timestamp()
         if left_s < 0.0:
             self.fail(f"{value!r} has passed {_duration_text(-left_s)} ago{_next(text, begin_s)}", param, ctx)
-        if left_s > _LONGEST_S:
+        if left_s > _LONGEST_DELAY_S:
             self.fail(f"{value!r} is more than a day away", param, ctx)
         return begin_s
 
@@ -92,7 +92,7 @@ def wait_until(utc_s: float, tell: Callable[[str], None] = _tell_no_one) -> None
     never = threading.Event()
     told_s = math.inf
     while (left_s := utc_s - time.time()) > 0.0:
-        if _SHORT_S < left_s <= told_s / 2:
+        if _SHORT_DELAY_S < left_s <= told_s / 2:
             tell(f"begins at {datetime.fromtimestamp(utc_s).astimezone():%H:%M:%S}, in {_duration_text(left_s)}")
             told_s = left_s
         never.wait(min(left_s, 1.0))  # the clock may be set meanwhile

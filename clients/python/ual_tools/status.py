@@ -22,7 +22,7 @@ from ual_tools.condition import STYLES, UavCondition, Urgency
 from ual_tools.help import Section
 from ual_tools.output import to_json
 from ual_tools.selection import ask_all
-from ual_tools.session import REFUSED, CommandSession, pass_session
+from ual_tools.session import REFUSED_STATUS, CommandSession, pass_session
 from ual_tools.tables import print_table
 from ual_tools.watch import watch
 
@@ -33,7 +33,7 @@ _COLOURS: dict[Urgency, dict[str, Any]] = {
 }
 """Of click."""
 _HEADER = ("uav", "state", "backend", "address", "pid", "battery")
-_LOOK_S = 0.2
+_POLL_PERIOD_S = 0.2
 """Seconds between two looks of `ual wait` for a daemon that is not there."""
 _STATES = [state.name for state in State]
 
@@ -177,7 +177,7 @@ def state(session: CommandSession) -> None:
     if told and not sys.stdout.isatty():  # there the name stands alone
         session.tell("; ".join(told))
     if is_unknown:
-        raise click.exceptions.Exit(REFUSED)
+        raise click.exceptions.Exit(REFUSED_STATUS)
 
 
 @command("wait", "ual wait landed_armed --timeout 60", section=Section.LOOKING, multi=Multi.REACHABLE)
@@ -209,7 +209,7 @@ def _reached(session: CommandSession, states: Sequence[State]) -> tuple[str, Sta
             if not is_told:
                 session.tell(f"waits for a daemon: {error.message}")
                 is_told = True
-        never.wait(_LOOK_S if left_s is None else min(_LOOK_S, left_s))
+        never.wait(_POLL_PERIOD_S if left_s is None else min(_POLL_PERIOD_S, left_s))
 
 
 def _state_text(telemetry: Telemetry, *, is_one: bool) -> str:

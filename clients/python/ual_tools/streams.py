@@ -12,7 +12,7 @@ from enum import Enum
 import click
 from typing_extensions import override
 
-_STDERR = 2
+_STDERR_DESCRIPTOR = 2
 
 
 class OutputLostError(OSError):
@@ -90,11 +90,11 @@ def prepare() -> None:
     A stream that was closed leads to the null device; else the next file or socket would get its number, and what is
     printed.
     """
-    while (number := os.open(os.devnull, os.O_RDWR)) <= _STDERR:
+    while (number := os.open(os.devnull, os.O_RDWR)) <= _STDERR_DESCRIPTOR:
         os.set_inheritable(number, True)
     os.close(number)
     sys.stdout = _rewrapped(_Output, sys.stdout, 1)
-    sys.stderr = _rewrapped(_Messages, sys.stderr, _STDERR)
+    sys.stderr = _rewrapped(_Messages, sys.stderr, _STDERR_DESCRIPTOR)
 
 
 def end_without_output(error: OutputLostError) -> bool:

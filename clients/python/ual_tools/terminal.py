@@ -10,7 +10,7 @@ from types import FrameType
 
 from ual_tools.keys import TerminalKeys
 
-_TERMINATED = 143
+_TERMINATED_STATUS = 143
 """The exit status of a program that SIGTERM ends."""
 
 
@@ -49,4 +49,4 @@ def _characters_at_once() -> Iterator[TerminalKeys]:
 
 
 def _exit(_: int, __: FrameType | None) -> None:
-    raise SystemExit(_TERMINATED)
+    raise SystemExit(_TERMINATED_STATUS)

@@ -19,7 +19,7 @@ from ual_tools.tables import print_table
 from ual_tools.values import Number
 
 _ROLES = [role.text for role in Role if role is not Role.NONE]
-_LONGEST_DAYS = 3650.0
+_LONGEST_VALIDITY_DAYS = 3650.0
 
 _file = click.option(
     "--file",
@@ -41,7 +41,9 @@ def token() -> None:
 @command("new", "ual token new --role pilot --name field-laptop --days 30", section=Section.ACCESS)
 @click.option("--name", required=True, help="Whose it is: by this it appears in logs and in the audit.")
 @click.option("--role", type=click.Choice(_ROLES), required=True, help="What it permits.")
-@click.option("--days", type=Number(0.0, _LONGEST_DAYS, min_open=True), help="How long it is valid.  [for ever]")
+@click.option(
+    "--days", type=Number(0.0, _LONGEST_VALIDITY_DAYS, min_open=True), help="How long it is valid.  [for ever]"
+)
 @click.option(
     "--output",
     type=click.Path(dir_okay=False, path_type=Path),
@@ -137,7 +139,7 @@ def _create(file: Path, secret: str) -> None:
 
 def _write(file: Path, all_tokens: tuple[Token, ...]) -> None:
     try:
-        whole_file.write(file, tokens.write(all_tokens), whole_file.OWN)
+        whole_file.write(file, tokens.write(all_tokens), whole_file.OWNER_PERMISSIONS)
     except OSError as error:
         raise InvalidArgumentError(f"{file} cannot be written: {error.strerror}") from None
 

@@ -18,7 +18,7 @@ from ual_tools.app import Multi, command
 from ual_tools.help import Section
 from ual_tools.output import error_text, pose_text, vector_text
 from ual_tools.selection import ask_all, several
-from ual_tools.session import REFUSED, CommandSession, note, pass_session
+from ual_tools.session import REFUSED_STATUS, CommandSession, note, pass_session
 from ual_tools.values import Number
 from ual_tools.watch_board import Board
 from ual_tools.watch_roster import all_subscribed
@@ -26,7 +26,7 @@ from ual_tools.watch_roster import all_subscribed
 if TYPE_CHECKING:
     from ual_tools.network.joined import Joined
 
-_RATE_HZ = 5.0
+_TELEMETRY_RATE_HZ = 5.0
 _TOTAL_RATE_HZ = 200.0
 """Of all UAVs together. With 200 UAVs at 5 Hz, one program could not read all samples in time."""
 
@@ -104,7 +104,7 @@ def _watch_network(session: CommandSession, joined: Joined, *, once: bool, rate_
 
 def default_rate_hz(count: int) -> float:
     """Returns how many samples a second are asked of each of some UAVs: as many as one program can read."""
-    return min(_RATE_HZ, _TOTAL_RATE_HZ / count)
+    return min(_TELEMETRY_RATE_HZ, _TOTAL_RATE_HZ / count)
 
 
 def _print_each(session: CommandSession, daemons: Sequence[Registration]) -> None:
@@ -117,7 +117,7 @@ def _print_each(session: CommandSession, daemons: Sequence[Registration]) -> Non
         session.emit({"ns": ns, "error": found}, f"{ns}\t{found.reason}")
         note(f"ual: {ns}: {error_text(found)}")
     if not all(isinstance(found, Telemetry) for _, found in answers):
-        raise click.exceptions.Exit(REFUSED)
+        raise click.exceptions.Exit(REFUSED_STATUS)
 
 
 def _condition(found: Telemetry | UalError) -> condition.UavCondition:

@@ -11,9 +11,9 @@ from ual import discovery
 from ual.errors import UalError
 from ual.types import Telemetry
 
-LOST_S = 2.0
+LOST_UAV_S = 2.0
 """Telemetry that is older than this is shown as lost; at low rates, telemetry that is older than two periods."""
-GONE_S = 10.0
+GONE_UAV_S = 10.0
 """Seconds for which a UAV whose daemon has ended is still shown, so that nobody misses it."""
 
 
@@ -34,13 +34,13 @@ class Board:
     Args:
         names: The UAVs that are known from the beginning.
         rate_hz: How many samples of each come in a second; 0: every one.
-        gone_after_s: For how long a UAV whose daemon has ended is still shown; `GONE_S` when not given.
+        gone_after_s: For how long a UAV whose daemon has ended is still shown; `GONE_UAV_S` when not given.
 
     """
 
     def __init__(self, names: Iterable[str], rate_hz: float, gone_after_s: float | None = None) -> None:
         self.changed = threading.Event()
-        self.lost_after_s = max(LOST_S, 2.0 / rate_hz if rate_hz else 0.0)
+        self.lost_after_s = max(LOST_UAV_S, 2.0 / rate_hz if rate_hz else 0.0)
         self._gone_after_s = gone_after_s
         self._lock = threading.Lock()
         self._seen = {ns: WatchedUav(time.monotonic()) for ns in names}
@@ -53,7 +53,7 @@ class Board:
         self.changed.set()
 
     def remove(self, ns: str) -> None:
-        """Marks a UAV whose daemon has ended. It vanishes after `GONE_S`."""
+        """Marks a UAV whose daemon has ended. It vanishes after `GONE_UAV_S`."""
         with self._lock:
             self._seen[ns] = replace(self._seen[ns], gone_s=time.monotonic())
         self.changed.set()
@@ -101,7 +101,7 @@ class Board:
             return dict(sorted(self._seen.items(), key=lambda item: discovery.natural_order(item[0])))
 
     def _has_vanished(self, seen: WatchedUav, now_s: float) -> bool:
-        limit_s = GONE_S if self._gone_after_s is None else self._gone_after_s
+        limit_s = GONE_UAV_S if self._gone_after_s is None else self._gone_after_s
         return seen.gone_s is not None and now_s - seen.gone_s >= limit_s
 
     def _is_here(self, ns: str) -> bool:

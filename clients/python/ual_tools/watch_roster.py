@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 _SCAN_S = 1.0
 _RETRY_S = 1.0
-_CLOSE_S = 2.0
+_CLOSE_TIMEOUT_S = 2.0
 
 
 @contextmanager
@@ -48,7 +48,7 @@ def kept_up_to_date(roster: WatchRoster) -> Iterator[None]:
         yield
     finally:
         is_closing.set()
-        scanner.join(_CLOSE_S)
+        scanner.join(_CLOSE_TIMEOUT_S)
         roster.close()
 
 
@@ -114,7 +114,7 @@ class WatchRoster:
         """Ends all subscriptions. A thread that still waits for an answer ends with the process."""
         for _, is_ended in self._threads.values():
             is_ended.set()
-        end_s = time.monotonic() + _CLOSE_S
+        end_s = time.monotonic() + _CLOSE_TIMEOUT_S
         for thread, _ in self._threads.values():
             thread.join(max(0.0, end_s - time.monotonic()))
 

@@ -22,10 +22,10 @@ STATE_STYLES = {
     State.LANDING: "cyan",
 }
 _HEAD_LINES, _SHORT_HEAD_LINES = 3, 2
-_SHORT_LINES = 8
+_SHORT_SCREEN_LINES = 8
 """A screen of fewer lines shows no counts."""
 _GAP = "  "
-_MOST_OF_NAME = 24
+_MOST_NAME_COLUMNS = 24
 _LEAST_OF_NOTE, _AMPLE_OF_NOTE = 12, 40
 
 
@@ -78,7 +78,7 @@ def scrolled(top: int, keys: Sequence[Key], count: int, height: int) -> int:
 
 def page_size(height: int) -> int:
     """Returns how many UAVs a screen shows."""
-    return max(1, height - (_SHORT_HEAD_LINES if height < _SHORT_LINES else _HEAD_LINES))
+    return max(1, height - (_SHORT_HEAD_LINES if height < _SHORT_SCREEN_LINES else _HEAD_LINES))
 
 
 def table(
@@ -87,12 +87,12 @@ def table(
     """Returns the lines of the screen: `height` at most, and each `width` characters at most."""
     conditions = {ns: condition.uav_condition(each, now_s, lost_after_s) for ns, each in seen.items()}
     names = condition.worst_first(seen, conditions.__getitem__, str)
-    name_width = min(_MOST_OF_NAME, max(3, width // 3), max([3, *map(len, names)]))
+    name_width = min(_MOST_NAME_COLUMNS, max(3, width // 3), max([3, *map(len, names)]))
     columns = _fitting(width - name_width)
     note_width = _note_width(width - name_width, columns)
     shown = names[top : top + page_size(height)]
     lines = [TableRow(_clip(_title(len(names), top, len(shown), width), width), "bold")]
-    if height >= _SHORT_LINES:
+    if height >= _SHORT_SCREEN_LINES:
         counts = condition.summary(conditions.values())
         lines.append(TableRow(_clip(counts, width), STYLES[condition.worst(conditions.values())]))
     lines.append(TableRow(_head(columns, name_width, note_width)[:width], "bold underline"))

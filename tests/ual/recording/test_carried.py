@@ -81,7 +81,7 @@ def holding(state: GripperState) -> Equipment:
 
 @pytest.fixture(autouse=True)
 def _often(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(carried, "_LOOK_S", 0.001)
+    monkeypatch.setattr(carried, "_EQUIPMENT_CHECK_S", 0.001)
     monkeypatch.setattr(carried, "_EQUIPMENT_S", 0.001)
 
 

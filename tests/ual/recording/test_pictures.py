@@ -70,7 +70,7 @@ def image(number: int) -> Image:
 
 @pytest.fixture(autouse=True)
 def _often(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pictures, "_LOOK_S", 0.001)
+    monkeypatch.setattr(pictures, "_PICTURES_CHECK_S", 0.001)
 
 
 @pytest.fixture

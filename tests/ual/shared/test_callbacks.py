@@ -11,7 +11,7 @@ import pytest
 from tests.waiting import LIMIT_S
 from ual.errors import InvalidArgumentError
 from ual.shared import callbacks
-from ual.shared.callbacks import SLOW_S, Callbacks, Listener
+from ual.shared.callbacks import SLOW_CALL_S, Callbacks, Listener
 from ual.types import State, Telemetry
 
 
@@ -83,7 +83,7 @@ def test_one_that_does_not_return_holds_up_no_other_when_the_next_sample_comes()
     for each in (stuck, *others):
         each.listener.put(sample(1))
     stuck.wait_for(1)
-    time.sleep(2.0 * SLOW_S)  # only then does a worker count as delayed
+    time.sleep(2.0 * SLOW_CALL_S)  # only then does a worker count as delayed
     for number in (2, 3):
         for each in (stuck, *others):
             each.listener.put(sample(number))
@@ -122,7 +122,7 @@ def test_a_callback_that_took_long_has_a_worker_until_it_was_quick_for_a_while()
     def callback(telemetry: Telemetry) -> None:
         threads.append(threading.get_ident())
         if telemetry.sequence == 0:
-            time.sleep(2.0 * SLOW_S)  # only then does a worker count as delayed
+            time.sleep(2.0 * SLOW_CALL_S)  # only then does a worker count as delayed
         called.release()
 
     listener = group.open(callback)
@@ -147,9 +147,9 @@ def test_what_is_available_to_one_that_waits_behind_another_in_a_worker_frees_it
     stuck.listener.put(sample(1))
     stuck.wait_for(1)
     with monkeypatch.context() as patched:  # on a busy computer it could count as delayed before the put
-        patched.setattr(callbacks, "SLOW_S", LIMIT_S)
+        patched.setattr(callbacks, "SLOW_CALL_S", LIMIT_S)
         waiting.listener.put(sample(1))
-    time.sleep(2.0 * SLOW_S)  # only then does the worker count as delayed
+    time.sleep(2.0 * SLOW_CALL_S)  # only then does the worker count as delayed
     waiting.listener.offer(sample(2))
     waiting.listener.call()
     waiting.wait_for(2)
@@ -239,7 +239,7 @@ def test_slow_ones_and_quick_ones_that_come_and_go_never_run_twice_at_a_time_and
         for each in subscribers:
             each.listener.put(sample(sequence))
         if generator.random() < 0.1:
-            time.sleep(SLOW_S)  # only then does a worker count as delayed
+            time.sleep(SLOW_CALL_S)  # only then does a worker count as delayed
         if generator.random() < 0.1:
             subscribers.pop(generator.randrange(len(subscribers))).close()
             subscribers.append(Subscriber(group))

@@ -105,7 +105,7 @@ def test_one_that_ends_is_not_waited_for() -> None:
 
 
 def test_at_the_end_nothing_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fleet_time, "_LOOK_S", 0.01)
+    monkeypatch.setattr(fleet_time, "_END_CHECK_S", 0.01)
     fleet = Fleet(2)
     fleet.workers[1].is_deaf = True
     with ThreadPoolExecutor(1) as callers:

@@ -35,7 +35,7 @@ from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.server import calls as calls_module
 from ual_daemon.server.access.caller import Caller
 from ual_daemon.server.access.policy import Access
-from ual_daemon.server.calls import MOST_OF_ONE_METHOD, MOST_WITHOUT_REQUEST, Calls
+from ual_daemon.server.calls import MOST_CALLS_PER_METHOD, MOST_CALLS_WITHOUT_REQUEST, Calls
 from ual_daemon.server.server import NEEDED_TO_LAND
 from ual_daemon.server.telemetry_stream import Updates
 from ual_daemon.server.transport.base import ServedCall
@@ -205,7 +205,7 @@ def test_a_refusal_goes_out_as_status_with_reason_and_metadata(transport: Choice
 def test_streams_and_waiting_calls_of_one_method_are_bounded_and_others_get_through(transport: Choice) -> None:
     async def run() -> None:
         async with served(transport) as it:
-            streams = [it.stub.StreamTelemetry(pb.StreamTelemetryRequest()) for _ in range(MOST_OF_ONE_METHOD)]
+            streams = [it.stub.StreamTelemetry(pb.StreamTelemetryRequest()) for _ in range(MOST_CALLS_PER_METHOD)]
             for stream in streams:
                 await stream.read()
             error = await error_of(it.stub.StreamTelemetry(pb.StreamTelemetryRequest()).read())
@@ -213,13 +213,13 @@ def test_streams_and_waiting_calls_of_one_method_are_bounded_and_others_get_thro
             assert error.metadata["limit"] == "100"
             assert "100 calls of /ual.v1.UalService/StreamTelemetry are under way for uav_1" in error.message
             await it.stub.GetTelemetry(pb.GetTelemetryRequest())
-            arming = [asyncio.ensure_future(it.stub.Arm(pb.ArmRequest())) for _ in range(MOST_OF_ONE_METHOD)]
-            await until_async(lambda: it.calls.running_count == 2 * MOST_OF_ONE_METHOD)
+            arming = [asyncio.ensure_future(it.stub.Arm(pb.ArmRequest())) for _ in range(MOST_CALLS_PER_METHOD)]
+            await until_async(lambda: it.calls.running_count == 2 * MOST_CALLS_PER_METHOD)
             assert isinstance(await error_of(it.stub.Arm(pb.ArmRequest())), ResourceExhaustedError)
-            assert it.calls.figures == (1, {"StreamTelemetry": MOST_OF_ONE_METHOD}, {"RESOURCE_EXHAUSTED": 2})
+            assert it.calls.figures == (1, {"StreamTelemetry": MOST_CALLS_PER_METHOD}, {"RESOURCE_EXHAUSTED": 2})
             await it.stub.SetVelocity(pb.SetVelocityRequest(velocity=speed(0.5)))
             streams.pop().cancel()
-            await until_async(lambda: it.calls.running_count < 2 * MOST_OF_ONE_METHOD)
+            await until_async(lambda: it.calls.running_count < 2 * MOST_CALLS_PER_METHOD)
             await it.stub.StreamTelemetry(pb.StreamTelemetryRequest()).read()
             it.vehicle.arming.set_result(None)
             await asyncio.gather(*arming)
@@ -309,13 +309,13 @@ def test_calls_without_their_request_are_bounded_and_others_get_in(transport: Ch
             open_call: Any = it.channel.stream_unary("/ual.v1.UalService/SetHome")
             first = open_call()
             await until_async(lambda: it.calls.without_request_count == 1)
-            others = [open_call() for _ in range(MOST_WITHOUT_REQUEST - 1)]
-            await until_async(lambda: it.calls.without_request_count == MOST_WITHOUT_REQUEST)
+            others = [open_call() for _ in range(MOST_CALLS_WITHOUT_REQUEST - 1)]
+            await until_async(lambda: it.calls.without_request_count == MOST_CALLS_WITHOUT_REQUEST)
             await it.stub.SetHome(pb.SetHomeRequest())  # in the place of the first
             error = await error_of(first)
             assert isinstance(error, ResourceExhaustedError)
             assert "100 later calls wait for their request" in error.message
-            assert it.calls.without_request_count == MOST_WITHOUT_REQUEST - 1
+            assert it.calls.without_request_count == MOST_CALLS_WITHOUT_REQUEST - 1
             assert len(it.vehicle.callers) == 1
             for each in others:
                 each.cancel()

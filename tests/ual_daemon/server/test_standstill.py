@@ -23,7 +23,7 @@ from ual.v1 import ual_pb2 as pb
 from ual.wire import rpc_errors
 from ual_daemon.server.access.needed import needed_role
 from ual_daemon.server.calls import Calls
-from ual_daemon.server.standstill import BEAT_S, MOST_QUEUED_S, MOVES, STANDSTILL_S, Standstill
+from ual_daemon.server.standstill import BEAT_S, LONGEST_QUEUEING_S, MOVES, STANDSTILL_S, Standstill
 from ual_daemon.server.telemetry_stream import Updates
 from ual_daemon.server.transport.selection import Choice
 from ual_daemon.server.uav_service import UalServicer
@@ -159,7 +159,7 @@ def test_after_a_long_sleep_it_waits_no_longer_than_what_was_sent_can_take() -> 
     standstill = running(clock)
     clock.now_s += 3600.0
     standstill.beat()
-    go_on(standstill, clock, MOST_QUEUED_S)
+    go_on(standstill, clock, LONGEST_QUEUEING_S)
     standstill.require_running("/ual.v1.UalService/SetPose")
 
 

@@ -19,7 +19,7 @@ from ual.logs import Log
 from ual.types import State
 from ual_daemon.backends.offers.logs import AutopilotLogs
 from ual_daemon.services._derived import Logs
-from ual_daemon.services.logs import CHUNK_BYTES, LONGEST_ID, VehicleLogs
+from ual_daemon.services.logs import CHUNK_BYTES, LONGEST_ID_CHARACTERS, VehicleLogs
 
 T = TypeVar("T")
 CONTENT = bytes(range(256)) * 1000
@@ -100,7 +100,7 @@ def test_a_download_goes_on_from_an_offset(logs: Logs, offset: int) -> None:
     [
         ("new", 0, "no log new; the newest are old, a/b.ulg"),
         ("", 0, "is no log"),
-        ("x" * (LONGEST_ID + 1), 0, "is no log"),
+        ("x" * (LONGEST_ID_CHARACTERS + 1), 0, "is no log"),
         (LOG.id, -1, "is negative"),
         (LOG.id, len(CONTENT) + 1, f"has {len(CONTENT)} bytes"),
     ],

@@ -26,13 +26,13 @@ T = TypeVar("T")
 
 _log = logging.getLogger(__name__)
 
-PATIENCE_S = 10.0
+PICTURE_TIMEOUT_S = 10.0
 """Seconds that the simulator may take for a picture, ..."""
-LATEST_S = 15.0
+QUEUED_PICTURE_TIMEOUT_S = 15.0
 """... and when one that has waited for others is given up."""
 _CAMERA_S = 2.0
 _OTHER_COUNT, _IS_EXTERNAL = "number of arguments", False
-_LONGEST_BYTES = 1 << 27
+_LARGEST_ANSWER_BYTES = 1 << 27
 """A picture of distances of 4096 x 4096 pixels has 84 MB."""
 
 
@@ -61,11 +61,11 @@ class PictureFetcher:
         self._is_closed = False
         self._more: tuple[object, ...] = ()
         """Further argument of Microsoft's simulator: whether the camera is an external one."""
-        self.patience_s = PATIENCE_S
+        self.patience_s = PICTURE_TIMEOUT_S
 
     def fetch(self, camera: str, kind: ImageKind) -> Future[Fetched]:
-        """Fetches a picture of a camera, by its name. The future ends with an error within `LATEST_S`."""
-        deadline_s = time.monotonic() + LATEST_S
+        """Fetches a picture of a camera, by its name. The future fails within `QUEUED_PICTURE_TIMEOUT_S`."""
+        deadline_s = time.monotonic() + QUEUED_PICTURE_TIMEOUT_S
         return self._worker.submit(lambda: self._fetched(camera, kind, deadline_s))
 
     def disconnect(self) -> None:
@@ -139,5 +139,5 @@ class PictureFetcher:
             if self._is_closed:
                 raise ConnectionAbortedError("the backend is closed")
             if self._connection is None:
-                self._connection = RpcConnection(self._address, _LONGEST_BYTES)
+                self._connection = RpcConnection(self._address, _LARGEST_ANSWER_BYTES)
             return self._connection

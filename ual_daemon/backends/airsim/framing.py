@@ -10,7 +10,7 @@ _FIXED = {
     0xD4: 3, 0xD5: 4, 0xD6: 6, 0xD7: 10, 0xD8: 18,
 }  # fmt: skip
 """The length of values that always have the same."""
-_FLOAT = 0xCA
+_FLOAT_CODE = 0xCA
 _COUNTED = {0xC4: (1, 0), 0xC5: (2, 0), 0xC6: (4, 0), 0xC7: (1, 1), 0xC8: (2, 1), 0xC9: (4, 1), 0xD9: (1, 0),
             0xDA: (2, 0), 0xDB: (4, 0)}  # fmt: skip
 """Strings, bytes and extensions: the size of their length, and what else comes before their content."""
@@ -44,9 +44,9 @@ def least_end(data: Sequence[int], start: int = 0) -> int:
     while left:
         if position + left > length:  # each value takes a byte at least
             return position + left
-        if data[position] == _FLOAT:
+        if data[position] == _FLOAT_CODE:
             count = _floats_count(data, position, left)
-            position, left = position + _FIXED[_FLOAT] * count, left - count
+            position, left = position + _FIXED[_FLOAT_CODE] * count, left - count
             continue
         size, inside = _size(data, position)
         position, left = position + size, left + inside - 1
@@ -55,9 +55,9 @@ def least_end(data: Sequence[int], start: int = 0) -> int:
 
 def _floats_count(data: Sequence[int], start: int, most: int) -> int:
     """Returns how many complete floats follow each other: the depths of a picture are a million. One at least."""
-    size = _FIXED[_FLOAT]
+    size = _FIXED[_FLOAT_CODE]
     kinds = bytes(data[start : min(start + size * most, len(data)) : size])
-    return max(1, min(len(kinds) - len(kinds.lstrip(bytes((_FLOAT,)))), (len(data) - start) // size))
+    return max(1, min(len(kinds) - len(kinds.lstrip(bytes((_FLOAT_CODE,)))), (len(data) - start) // size))
 
 
 def _size(data: Sequence[int], at: int) -> tuple[int, int]:

@@ -21,7 +21,7 @@ from ual_daemon.backends.airsim.state import AirsimReport, Collision, Location, 
 _log = logging.getLogger(__name__)
 
 _RETRY_S = 0.1
-_GIVE_UP_S = 3.0
+_ANSWER_TIMEOUT_S = 3.0
 """Seconds without an answer after which a connection is made again."""
 _CALL_S = 2.0
 _QUESTIONS: tuple[tuple[type, str], ...] = (
@@ -157,8 +157,8 @@ class SimulatorLink:
             if len(self._answers) == len(self._questions):
                 return self._end_poll()
             self._ask(connection)
-        if self._wall_s() - self._asked_s > _GIVE_UP_S:
-            raise TimeoutError(f"the simulator has not answered for {_GIVE_UP_S:g} s")
+        if self._wall_s() - self._asked_s > _ANSWER_TIMEOUT_S:
+            raise TimeoutError(f"the simulator has not answered for {_ANSWER_TIMEOUT_S:g} s")
         return None
 
     def _next_questions(self) -> tuple[tuple[type, str], ...]:

@@ -14,10 +14,10 @@ from ual.geometry import Pose
 from ual_daemon.backends.airsim.camera_settings import TYPES, NamedCamera
 from ual_daemon.backends.airsim.state import Rotation, Vector
 
-_FLOAT32 = 0xCA
-_FARTHEST_M = 65504.0
+_FLOAT32_CODE = 0xCA
+_SKY_DISTANCE_M = 65504.0
 """The largest number of 16 bits, in which the simulator renders distances: that of the sky."""
-_SAME = 1e-3
+_TANGENT_TOLERANCE = 1e-3
 _PNG = b"\x89PNG\r\n\x1a\n"
 _OF_DISTANCE = frozenset({ImageKind.DEPTH, ImageKind.RANGE})
 
@@ -98,7 +98,7 @@ def data_of(picture: AirsimPicture, kind: ImageKind) -> tuple[bytes, ImageFormat
     distances = _floats(picture.image_data_float)
     if distances.size != picture.width * picture.height:
         raise EmptyPictureError(f"{distances.size} distances came for {picture.width} x {picture.height} pixels")
-    return np.where(distances >= _FARTHEST_M, np.inf, distances).astype("<f4").tobytes(), ImageFormat.FLOAT32
+    return np.where(distances >= _SKY_DISTANCE_M, np.inf, distances).astype("<f4").tobytes(), ImageFormat.FLOAT32
 
 
 def intrinsics_of(
@@ -119,7 +119,7 @@ def intrinsics_of(
         return None
     if own.view_deg != scene.view_deg and tangent is not None:
         # The settings give it a view of its own: unless another program has changed that of all kinds since.
-        is_as_set = scene.tangent is not None and math.isclose(tangent, scene.tangent, rel_tol=_SAME)
+        is_as_set = scene.tangent is not None and math.isclose(tangent, scene.tangent, rel_tol=_TANGENT_TOLERANCE)
         tangent = own.tangent if is_as_set else None
     if tangent is None:
         return None
@@ -132,6 +132,6 @@ def _floats(encoded: msgspec.Raw) -> NDArray[np.float64] | NDArray[np.float32]:
     data = np.frombuffer(bytes(encoded), np.uint8)
     head = {0xDC: 3, 0xDD: 5}.get(int(data[0]), 1) if data.size else 1
     body = data[head:]
-    if body.size and body.size % 5 == 0 and bool((body[::5] == _FLOAT32).all()):
+    if body.size and body.size % 5 == 0 and bool((body[::5] == _FLOAT32_CODE).all()):
         return np.ascontiguousarray(body.reshape(-1, 5)[:, 1:]).view(">f4").ravel()
     return np.array(msgspec.msgpack.decode(encoded, type=list[float]), np.float64)

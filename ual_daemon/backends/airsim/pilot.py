@@ -22,9 +22,9 @@ from ual_daemon.backends.airsim.state import AirsimReport, MultirotorState
 
 _log = logging.getLogger(__name__)
 
-_PERIOD_S = 0.02
+_STEERING_PERIOD_S = 0.02
 _ANSWER_S = 2.0
-_SEEN_S = 0.1
+_COMMAND_PAUSE_S = 0.1
 _SPEED_M_S, _CLIMB_M_S, _TURN_RAD_S = 3.0, 1.5, 1.0
 _TILT_PER_M_S, _MOST_TILT = 0.25, 0.6
 """Parts of the stick's travel. All of it is an angle of 33 degrees, which accelerates by 6 m/s^2."""
@@ -111,21 +111,21 @@ class AirsimPilot:
         if report is not None and report.state.rc_data.is_valid:
             raise RefusedError("the vehicle has a remote control: take over with that")
         connection.call(object, _ANSWER_S, "moveByRC", *_sticks_moved(RcSticks(up=_HOVER), self._vehicle()))
-        time.sleep(_SEEN_S)
+        time.sleep(_COMMAND_PAUSE_S)
         if not connection.call(MultirotorState, _ANSWER_S, "getMultirotorState", self._vehicle()).rc_data.is_valid:
             raise RefusedError("the simulator does not keep the sticks that its API moves (moveByRC)")
 
     def _fly(self, stopping: threading.Event, connection: RpcConnection) -> None:
         hands, has_taken, timestamp = Hands(), False, 0
         try:
-            while not stopping.wait(_PERIOD_S):
+            while not stopping.wait(_STEERING_PERIOD_S):
                 report = self._newest()
                 if report is None or report.state.timestamp == timestamp:
                     continue
                 if report.has_api_control and has_taken:
                     break  # control was taken back
                 has_taken = has_taken or not report.has_api_control
-                step_s = min((report.state.timestamp - timestamp) * 1e-9, 2 * _PERIOD_S)
+                step_s = min((report.state.timestamp - timestamp) * 1e-9, 2 * _STEERING_PERIOD_S)
                 timestamp = report.state.timestamp
                 self._move(connection, hands, report, step_s)
             connection.call(object, _ANSWER_S, "moveByRC", *_sticks_moved(None, self._vehicle()))

@@ -18,7 +18,7 @@ from ual_daemon.backends.airsim.settings import AirsimAddress
 
 T = TypeVar("T")
 
-_REQUEST = 0
+_REQUEST_TYPE = 0
 _CONNECT_S, _SEND_S = 0.5, 0.5
 _LONGEST_MESSAGE_BYTES = 1 << 24
 _encode = msgspec.msgpack.Encoder().encode
@@ -93,7 +93,7 @@ class RpcConnection:
         """Sends a request, and returns its number, for `answer`."""
         number = next(self._numbers)
         self._socket.settimeout(_SEND_S)
-        self._socket.sendall(_encode((_REQUEST, number, method, arguments)))
+        self._socket.sendall(_encode((_REQUEST_TYPE, number, method, arguments)))
         return number
 
     def post(self, method: str, *arguments: object) -> None:

@@ -13,13 +13,13 @@ from ual_daemon.backends.airsim.settings import AirsimAddress
 from ual_daemon.backends.airsim.state import AirsimReport
 from ual_daemon.backends.values import PositionSetpoint, Setpoint, VelocitySetpoint
 
-DURATION_S = 0.5
+VELOCITY_DURATION_S = 0.5
 """Simulated seconds for which a velocity is flown, unless a newer one comes."""
-_MOST_UNANSWERED = 1
+_MOST_UNANSWERED_CALLS = 1
 """A call lasts until the next one replaces it, which waits for that. Of two that wait, the simulator forgets to end the
 first one at once; and each call holds one of its few threads: it has four more than vehicles. While its time stands
 still, no call ends."""
-_STUCK_NS = 2_000_000_000
+_STUCK_CALL_NS = 2_000_000_000
 """Simulated nanoseconds without an answer after which a velocity gets none: all of them were over after 0.5 s."""
 _ANY_HEADING = 0
 """DrivetrainType.MaxDegreeOfFreedom."""
@@ -42,7 +42,9 @@ def led(setpoint: VelocitySetpoint, flown: Vector3) -> VelocitySetpoint:
     return replace(setpoint, velocity=wanted)
 
 
-def move_arguments(setpoint: VelocitySetpoint, vehicle: str, duration_s: float = DURATION_S) -> tuple[object, ...]:
+def move_arguments(
+    setpoint: VelocitySetpoint, vehicle: str, duration_s: float = VELOCITY_DURATION_S
+) -> tuple[object, ...]:
     """Returns the arguments of ``moveByVelocity``: north, east, down, and degrees clockwise a second.
 
     A call of no duration waits until the one that is flown has ended, and flies nothing.
@@ -80,12 +82,12 @@ class AirsimSetpointSender:
         try:
             connection = self._connected()
             connection.drain()
-            if connection.unwanted_count <= _MOST_UNANSWERED:
+            if connection.unwanted_count <= _MOST_UNANSWERED_CALLS:
                 connection.post(
                     "moveByVelocity", *move_arguments(led(setpoint, report.velocity.linear), self._vehicle())
                 )
                 self._sent_at = report.state.timestamp
-            elif self._sent_at is not None and report.state.timestamp - self._sent_at > _STUCK_NS:
+            elif self._sent_at is not None and report.state.timestamp - self._sent_at > _STUCK_CALL_NS:
                 raise ConnectionResetError("the simulator ends no velocity any more: connecting anew")
         except (OSError, ValueError):
             self.disconnect()

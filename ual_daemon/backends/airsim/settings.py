@@ -11,7 +11,7 @@ from ual_daemon.settings import ConfigError, Positive, Settings
 
 SECTION = "airsim"
 DEFAULT_URL = "127.0.0.1:41451"
-_PORT = 41451
+_DEFAULT_PORT = 41451
 _URL = re.compile(r"(?P<host>\[[0-9A-Fa-f:.]+\]|[^\[\]:/\s]+)(?::(?P<port>[0-9]{1,5}))?\Z")
 
 
@@ -45,7 +45,7 @@ def parse_address(url: str) -> AirsimAddress:
         ConfigError: It is none of these.
     """
     found = _URL.match(url)
-    port = int(found["port"] or _PORT) if found else 0
+    port = int(found["port"] or _DEFAULT_PORT) if found else 0
     if found is None or not 0 < port < 65536:
         raise ConfigError(f"{url!r} is no address of a simulator: HOST:PORT, such as {DEFAULT_URL}", "url")
     return AirsimAddress(found["host"].strip("[]"), port)

@@ -20,9 +20,9 @@ from ual_daemon.backends.airsim.rpc import RpcCaller
 from ual_daemon.backends.airsim.session import AirsimSession
 from ual_daemon.backends.airsim.state import AirsimReport
 
-_PATIENCE_S = 10.0
-_LOOK_S = 0.02
-_NEAR_M = 0.5
+_ACTION_TIMEOUT_S = 10.0
+_POLL_PERIOD_S = 0.02
+_ARRIVAL_DISTANCE_M = 0.5
 _PARTS = frozenset({SimulationPart.PILOT, SimulationPart.TIME, SimulationPart.WIND, SimulationPart.PLACE})
 
 
@@ -91,7 +91,9 @@ class AirsimSimulation(Simulation):
         self._do(lambda connection: paused.append(self._procedures.is_paused(connection)))
         if not paused[0]:
             raise WrongStateError("simulated time runs by itself: set the speed factor 0 before")
-        self._do(lambda connection: self._procedures.step(connection, duration_s), _PATIENCE_S + 20.0 * duration_s)
+        self._do(
+            lambda connection: self._procedures.step(connection, duration_s), _ACTION_TIMEOUT_S + 20.0 * duration_s
+        )
 
     @override
     def set_wind(self, velocity_m_s: Vector3) -> None:
@@ -108,7 +110,7 @@ class AirsimSimulation(Simulation):
             self._procedures.put_on_ground(connection, place, yaw_rad)
 
         def is_there(report: AirsimReport) -> bool:
-            is_near = (report.pose.position - place).horizontal_norm() < _NEAR_M
+            is_near = (report.pose.position - place).horizontal_norm() < _ARRIVAL_DISTANCE_M
             return is_near and not report.is_armed and self._session.is_on_ground
 
         with self._session.without_setpoints():  # a velocity that holds where it was would start the motors again
@@ -119,7 +121,7 @@ class AirsimSimulation(Simulation):
         if not self._session.is_on_ground:
             raise RejectedByAutopilotError(f"the safety pilot does not {what} a vehicle that is not on the ground")
 
-    def _do(self, action: Action, patience_s: float = _PATIENCE_S) -> None:
+    def _do(self, action: Action, patience_s: float = _ACTION_TIMEOUT_S) -> None:
         """Executes a command, and waits for its end.
 
         Raises:
@@ -132,8 +134,8 @@ class AirsimSimulation(Simulation):
             raise LinkLostError("the simulator does not answer") from None
 
     def _wait(self, condition: Callable[[AirsimReport], bool], what: str) -> None:
-        deadline_s = time.monotonic() + _PATIENCE_S
+        deadline_s = time.monotonic() + _ACTION_TIMEOUT_S
         while (report := self._session.report) is None or not condition(report):
             if time.monotonic() > deadline_s:
-                raise LinkLostError(f"the vehicle was not {what} within {_PATIENCE_S:g} s")
-            time.sleep(_LOOK_S)
+                raise LinkLostError(f"the vehicle was not {what} within {_ACTION_TIMEOUT_S:g} s")
+            time.sleep(_POLL_PERIOD_S)

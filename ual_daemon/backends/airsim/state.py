@@ -10,11 +10,11 @@ from ual.geometry import Pose, Quaternion, Twist, Vector3
 
 _STANDARD_GRAVITY_M_S2 = 9.80665
 _STILL_M_S, _STILL_M_S2 = 0.05, 1.0
-_SUPPORTED = 0.8
+_SUPPORTED_THRUST_SHARE = 0.8
 """The part of its weight below which the thrust of a vehicle that stands still shows that something carries it."""
 _TURNING_RAD_S = 1.0
 """An armed rotor turns at 173 rad/s at least, a disarmed one stands."""
-_LANDED = 0
+_LANDED_STATE = 0
 
 
 class Vector(msgspec.Struct, frozen=True):
@@ -127,7 +127,7 @@ class AirsimReport(msgspec.Struct, frozen=True):
     @property
     def is_flying(self) -> bool:
         """Whether ``landed_state`` reports flight: see `is_on_ground`."""
-        return self.state.landed_state != _LANDED
+        return self.state.landed_state != _LANDED_STATE
 
     @property
     def pose(self) -> Pose:
@@ -151,4 +151,4 @@ class AirsimReport(msgspec.Struct, frozen=True):
         if motion.linear_velocity.norm() > _STILL_M_S or motion.linear_acceleration.norm() > _STILL_M_S2:
             return False
         thrust_n = sum(rotor.thrust for rotor in self.rotors.rotors)
-        return not self.is_flying or thrust_n < _SUPPORTED * mass_kg * _STANDARD_GRAVITY_M_S2
+        return not self.is_flying or thrust_n < _SUPPORTED_THRUST_SHARE * mass_kg * _STANDARD_GRAVITY_M_S2

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from ual.geometry import Pose, Quaternion
 
 MOST_POSES = 1024
-LONGEST_GAP_S = 0.25
+LONGEST_POSE_GAP_S = 0.25
 """Longest gap in seconds between two poses, or after the last one, within which the vehicle's position is known."""
 
 
@@ -37,18 +37,18 @@ class Trail:
         end_s, end = poses[after]
         if time_s == end_s:
             return end
-        if not after or end_s - poses[after - 1][0] > LONGEST_GAP_S:
+        if not after or end_s - poses[after - 1][0] > LONGEST_POSE_GAP_S:
             return None
         begin_s, begin = poses[after - 1]
         return between(begin, end, (time_s - begin_s) / (end_s - begin_s))
 
 
 def _beyond(last: Sequence[tuple[float, Pose]], time_s: float) -> Pose | None:
-    if not last or time_s - last[-1][0] > LONGEST_GAP_S:
+    if not last or time_s - last[-1][0] > LONGEST_POSE_GAP_S:
         return None
     begin_s, begin = last[0]
     end_s, end = last[-1]
-    if not 0.0 < end_s - begin_s <= LONGEST_GAP_S:
+    if not 0.0 < end_s - begin_s <= LONGEST_POSE_GAP_S:
         return end
     return between(begin, end, (time_s - begin_s) / (end_s - begin_s))
 

@@ -27,28 +27,28 @@ from ual_daemon.backends.values import Control, Mode, PositionSetpoint, Setpoint
 
 HOVERS_AFTER_S = 0.5
 """Seconds at one position after which a Crazyflie hovers by itself."""
-PATIENCE_S = 0.25
+HANDOVER_TIMEOUT_S = 0.25
 """Seconds without an answer after which setpoints go on: after 0.5 s without them the firmware levels out."""
-SILENCE_PATIENCE_S = 0.1
-"""The same where setpoints have been missing for `SILENCE_S` before."""
+LATE_HANDOVER_TIMEOUT_S = 0.1
+"""The same where setpoints have been missing for `SETPOINT_SILENCE_S` before."""
 KEEP_S, KEEP_EACH_S = 0.1, 0.02
 """Seconds for which setpoints keep it where it is before the high-level commander is asked again, and their
 interval.
 """
-ASK_EACH_S = 0.05
+REQUEST_PERIOD_S = 0.05
 """The interval at which a command to the high-level commander is repeated."""
 NOTIFICATIONS = (0.0, 0.02, 0.05, 0.1, 0.15, 0.2, 0.26, 0.32, 0.39, 0.46, 0.53, 0.6, 0.67, 0.74, 0.8)
 """The notification that setpoints stop has no answer, so it is sent several times, and then every `NOTIFY_AGAIN_S`. So
 many get through also where most are lost, or a link is down for half a second. The firmware waits for 2 s.
 """
-AGAIN_COUNT = 5
+REPEATED_GOALS_COUNT = 5
 """Notifications with which a goal is sent once more. Each time its flight begins again, so not with all."""
 NOTIFY_AGAIN_S = 0.2
-SILENCE_S = 0.3
+SETPOINT_SILENCE_S = 0.3
 """Seconds without a setpoint in the air after which the high-level commander takes over, whatever the reason."""
-_STILL = 1e-3
+_SETPOINT_TOLERANCE = 1e-3
 """Metres, radians and their rates: a setpoint that differs by less is the same."""
-_ALREADY_LANDING = 1
+_ALREADY_LANDING_ERROR = 1
 
 
 class Phase(Enum):
@@ -84,7 +84,7 @@ class _Handover:
     """Keeps it in the air while no answer comes; None: the layers above do."""
     on_ended: Callable[[str], None] = _nothing
     """Gets the refusal, or nothing once it was accepted."""
-    patience_s: float = PATIENCE_S
+    patience_s: float = HANDOVER_TIMEOUT_S
     is_taken_back: bool = False
     asked_s: float | None = None
     asked_count: int = 0
@@ -216,7 +216,9 @@ class Commander:
             elif self._is_silent(now_s):
                 self._last = None
                 self._replace(
-                    _Handover(Phase.HOVERING, self.encoder.stop(*flying), rest(*flying), patience_s=SILENCE_PATIENCE_S)
+                    _Handover(
+                        Phase.HOVERING, self.encoder.stop(*flying), rest(*flying), patience_s=LATE_HANDOVER_TIMEOUT_S
+                    )
                 )
             if is_on_ground and self._handover is None and self._phase is not Phase.SETPOINTS:
                 self._forget()
@@ -242,7 +244,7 @@ class Commander:
         if not self._notify_s or now_s < self._notify_s[0]:
             return []
         self._notify_s = self._notify_s[1:] or [now_s + NOTIFY_AGAIN_S]
-        is_one_of_first = self._untold_count > len(NOTIFICATIONS) - AGAIN_COUNT
+        is_one_of_first = self._untold_count > len(NOTIFICATIONS) - REPEATED_GOALS_COUNT
         again = [self._again] if self._again is not None and is_one_of_first else []
         self._untold_count = max(0, self._untold_count - 1)
         return [*again, packets.setpoints_stop()]
@@ -320,7 +322,7 @@ class Commander:
     def _is_silent(self, now_s: float) -> bool:
         """Returns whether setpoints that flew it have stopped, and nothing else flies it."""
         flies = self._phase is Phase.SETPOINTS and self._handover is None
-        return flies and self._sent_s is not None and now_s - self._sent_s > SILENCE_S
+        return flies and self._sent_s is not None and now_s - self._sent_s > SETPOINT_SILENCE_S
 
     def _is_hover_due(self, now_s: float) -> bool:
         return (
@@ -339,10 +341,10 @@ class Commander:
         def on_answer(data: bytes) -> None:
             self._on_answer(handover, data[3] if len(data) > 3 else 0, now_s)
 
-        requests.add(handover.request, on_answer, ASK_EACH_S)
+        requests.add(handover.request, on_answer, REQUEST_PERIOD_S)
 
     def _on_answer(self, handover: _Handover, error: int, now_s: float) -> None:
-        is_fine = error == 0 or (handover.phase is Phase.LANDING and error == _ALREADY_LANDING)
+        is_fine = error == 0 or (handover.phase is Phase.LANDING and error == _ALREADY_LANDING_ERROR)
         with self._lock:
             if self._handover is not handover:
                 return  # setpoints have come meanwhile
@@ -378,7 +380,7 @@ def _is_still(setpoint: Setpoint) -> bool:
     if not isinstance(setpoint, PositionSetpoint):
         return False
     rates = (*setpoint.velocity, *setpoint.acceleration, setpoint.yaw_rate_rad_s)
-    return all(abs(each) < _STILL for each in rates)
+    return all(abs(each) < _SETPOINT_TOLERANCE for each in rates)
 
 
 def _is_same(one: Setpoint, other: Setpoint) -> bool:
@@ -387,5 +389,10 @@ def _is_same(one: Setpoint, other: Setpoint) -> bool:
         return _is_still(one)
     if not (isinstance(one, PositionSetpoint) and isinstance(other, PositionSetpoint)):
         return False
-    is_there = (one.position - other.position).norm() < _STILL
-    return is_there and abs(wrap_angle(one.yaw_rad - other.yaw_rad)) < _STILL and _is_still(one) and _is_still(other)
+    is_there = (one.position - other.position).norm() < _SETPOINT_TOLERANCE
+    return (
+        is_there
+        and abs(wrap_angle(one.yaw_rad - other.yaw_rad)) < _SETPOINT_TOLERANCE
+        and _is_still(one)
+        and _is_still(other)
+    )

@@ -85,7 +85,7 @@ def steps(
         yield from _set_parameters(parameter_toc, {**ALWAYS_SET, **settings.parameters})
     parameters = yield from _read_parameters(parameter_toc)
     tell("starting the log")
-    first_ident = log_blocks.WATCHING_IDENT if is_watch_only else 0
+    first_ident = log_blocks.FIRST_OBSERVER_BLOCK_ID if is_watch_only else 0
     blocks = log_blocks.make_blocks(log_toc, settings.pose_rate_hz, first_ident)
     yield [log_blocks.ask_deletion(block) for block in blocks] if is_watch_only else [log_blocks.ask_reset()]
     yield from _start_log(log_toc, blocks)
@@ -105,16 +105,16 @@ def _table(
     if cached is not None:
         return cached
     found: dict[str, toc.Variable] = {}
-    for first in range(0, info.size, _BATCH):
+    for first in range(0, info.size, _BATCH_VARIABLES):
         tell(f"reading its table of {toc.KINDS[port]} variables, {first} of {info.size}")
-        batch = range(first, min(first + _BATCH, info.size))
+        batch = range(first, min(first + _BATCH_VARIABLES, info.size))
         answers = yield [toc.ask_item(port, ident) for ident in batch]
         found.update(item for item in (toc.read_item(port, data) for data in answers) if item is not None)
     cache.save(port, info, found)
     return found
 
 
-_BATCH = 32
+_BATCH_VARIABLES = 32
 
 
 def _require(log_toc: Toc) -> None:
@@ -172,6 +172,6 @@ def _start_log(table: Toc, blocks: Sequence[Block]) -> Generator[Sequence[CrtpRe
         for request in log_blocks.ask_creation(block, table):
             (answer,) = yield [request]
             error = log_blocks.result(answer)
-            if error not in (0, log_blocks.EXISTS):
+            if error not in (0, log_blocks.EEXIST_ERROR):
                 raise UnfitError(f"it refuses a log block (error {error})")
         yield [log_blocks.ask_start(block)]

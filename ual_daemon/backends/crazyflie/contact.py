@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from ual.geometry import Vector3
 
-LIGHT = 0.75
+LIGHT_THRUST_SHARE = 0.75
 """A thrust below this part of the usual one does not carry it. On the ground it was 0.52 (the firmware's least)."""
-USUAL_S = 2.0
+THRUST_AVERAGE_S = 2.0
 """The time over which the usual thrust is averaged."""
 TOUCH_S = 0.3
 """Seconds for which it must not fall, though its thrust does not carry it: it would be 0.7 m/s fast by then."""
-REST_M_S = 0.1
-CLIMB_M_S = 0.3
+REST_SPEED_M_S = 0.1
+CLIMB_SPEED_M_S = 0.3
 """Faster than it bounces."""
-LONGEST_GAP_S = 0.25
+LONGEST_VALUE_GAP_S = 0.25
 """Values that come later than this do not show what was between them."""
 
 
@@ -32,12 +32,12 @@ class GroundContact:
         """Takes new values."""
         step_s, self._last_s = now_s - self._last_s, now_s
         usual = thrust if self._usual is None else self._usual
-        self._usual = usual + (thrust - usual) * min(1.0, step_s / USUAL_S)
-        if velocity.z < -REST_M_S:
+        self._usual = usual + (thrust - usual) * min(1.0, step_s / THRUST_AVERAGE_S)
+        if velocity.z < -REST_SPEED_M_S:
             self._has_descended = True
-        elif velocity.z > CLIMB_M_S:
+        elif velocity.z > CLIMB_SPEED_M_S:
             self._has_descended = False
-        if thrust >= LIGHT * usual or velocity.norm() > REST_M_S or step_s > LONGEST_GAP_S:
+        if thrust >= LIGHT_THRUST_SHARE * usual or velocity.norm() > REST_SPEED_M_S or step_s > LONGEST_VALUE_GAP_S:
             self._light_since_s = None
         elif self._light_since_s is None:
             self._light_since_s = now_s

@@ -19,15 +19,15 @@ CORRECTION, CLIMB_CORRECTION = 0.5, 1.0
 """Gains in 1/s, beyond the PID controller's own, for errors of the position, horizontally and vertically. The
 controller's gain of 2 leaves it 0.12 m beside a line that climbs at 0.4 m/s, this 0.08 m.
 """
-MOST_CORRECTED_M = 0.5
-STAY_S = 1.0
+MOST_CORRECTION_M = 0.5
+HOLD_FLIGHT_S = 1.0
 """The duration of the high-level flight to where it already is."""
-PEAK = 2.1875
+PEAK_SPEED_FACTOR = 2.1875
 """The highest speed of a polynomial of the 7th degree from rest to rest, for a mean speed of 1."""
-BRAKE_M_S2 = 1.0
-LANDING_M_S = 0.5
+BRAKING_ACCELERATION_M_S2 = 1.0
+LANDING_SPEED_M_S = 0.5
 SHORTEST_LANDING_S = 1.0
-TOUCH_M = 0.03
+TOUCH_DOWN_DEPTH_M = 0.03
 """A landing ends this far below the ground, so that the motors stop on it and not above."""
 
 
@@ -69,7 +69,7 @@ class Encoder:
 
     def stay(self, position: Vector3, yaw_rad: float) -> CrtpRequest:
         """Returns the request to hover where it already does."""
-        return self._go_to(position, yaw_rad, STAY_S)
+        return self._go_to(position, yaw_rad, HOLD_FLIGHT_S)
 
     def stop(self, pose: Pose, velocity: Vector3) -> CrtpRequest:
         """Returns the request to come to rest, and to hover there."""
@@ -77,8 +77,10 @@ class Encoder:
 
     def land(self, height_m: float, ground_m: float, descent_speed_m_s: float) -> CrtpRequest:
         """Returns the request to land from a height on the ground, with a speed that is nowhere exceeded."""
-        duration_s = max(SHORTEST_LANDING_S, PEAK * (height_m - ground_m) / min(descent_speed_m_s, LANDING_M_S))
-        packet = packets.land(ground_m - TOUCH_M, duration_s)
+        duration_s = max(
+            SHORTEST_LANDING_S, PEAK_SPEED_FACTOR * (height_m - ground_m) / min(descent_speed_m_s, LANDING_SPEED_M_S)
+        )
+        packet = packets.land(ground_m - TOUCH_DOWN_DEPTH_M, duration_s)
         return CrtpRequest(packet, packet.data[:2])
 
     def _go_to(self, position: Vector3, yaw_rad: float, duration_s: float) -> CrtpRequest:
@@ -88,15 +90,15 @@ class Encoder:
 
 def rest(pose: Pose, velocity: Vector3) -> PositionSetpoint:
     """Returns the setpoint that stays where it comes to rest."""
-    return PositionSetpoint(pose.position + velocity * (_braking_s(velocity) / PEAK), pose.yaw_rad)
+    return PositionSetpoint(pose.position + velocity * (_braking_s(velocity) / PEAK_SPEED_FACTOR), pose.yaw_rad)
 
 
 def _braking_s(velocity: Vector3) -> float:
-    return max(STAY_S, PEAK * velocity.norm() / BRAKE_M_S2)
+    return max(HOLD_FLIGHT_S, PEAK_SPEED_FACTOR * velocity.norm() / BRAKING_ACCELERATION_M_S2)
 
 
 def _corrected(missing: Vector3) -> Vector3:
     aside = missing.horizontal_norm()
-    scale = min(CORRECTION, MOST_CORRECTED_M / aside) if aside > 0.0 else 0.0
-    up = max(-MOST_CORRECTED_M, min(MOST_CORRECTED_M, missing.z * CLIMB_CORRECTION))
+    scale = min(CORRECTION, MOST_CORRECTION_M / aside) if aside > 0.0 else 0.0
+    up = max(-MOST_CORRECTION_M, min(MOST_CORRECTION_M, missing.z * CLIMB_CORRECTION))
     return Vector3(missing.x * scale, missing.y * scale, up)

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 from ual.geometry import Vector3
 
-BESIDE_M = 0.5
+KNOWN_GROUND_RADIUS_M = 0.5
 """Farther from where it stood than this, the ground is not known: it may have flown off a table."""
-DEEPER_M = 1.5
+LANDING_DEPTH_M = 1.5
 """Metres below the known ground to which a landing leads. It ends at the ground, by the thrust and the velocity."""
 
 
@@ -35,5 +35,5 @@ class KnownGround(NamedTuple):
 
     def landing_z_m(self, here: Vector3) -> float:
         """Returns the height to land at: where it stood, or deeper where it is not known how low the ground is."""
-        is_known = self.place is not None and (here - self.place).horizontal_norm() <= BESIDE_M
-        return self.z_m - (0.0 if is_known else DEEPER_M)
+        is_known = self.place is not None and (here - self.place).horizontal_norm() <= KNOWN_GROUND_RADIUS_M
+        return self.z_m - (0.0 if is_known else LANDING_DEPTH_M)

@@ -17,13 +17,13 @@ from ual_daemon.backends.crazyflie.packets import (
 from ual_daemon.backends.crazyflie.requests import CrtpRequest
 from ual_daemon.backends.crazyflie.toc import LOG_FORMATS, Toc
 
-HEADER = 4
+HEADER_BYTES = 4
 """Of a packet of values: the block, and 24 bits of milliseconds."""
-_PERIOD_S = 0.01
+_PERIOD_UNIT_S = 0.01
 _TYPES = {letter: number for number, letter in LOG_FORMATS.items()}
-WATCHING_IDENT = 0xE0
+FIRST_OBSERVER_BLOCK_ID = 0xE0
 """The first block of a daemon that only watches: others number theirs from 0."""
-EXISTS = 17
+EEXIST_ERROR = 17
 """The firmware's EEXIST."""
 
 
@@ -76,9 +76,9 @@ class Block(NamedTuple):
 
         It is longer where the answer to a part of the block was lost: the firmware has then added that part twice.
         """
-        if len(data) < HEADER + self.layout.size:
+        if len(data) < HEADER_BYTES + self.layout.size:
             return None
-        values = self.layout.unpack_from(data, HEADER)
+        values = self.layout.unpack_from(data, HEADER_BYTES)
         return {each.name: value for each, value in zip(self.variables, values, strict=True)}
 
 
@@ -91,7 +91,7 @@ def make_blocks(toc: Toc, pose_rate_hz: float, first_ident: int = 0) -> tuple[Bl
 def _block(ident: int, toc: Toc, variables: tuple[Logged, ...], rate_hz: float) -> Block:
     present = tuple(each for each in variables if each.name in toc)
     layout = struct.Struct("<" + "".join(each.format for each in present))
-    return Block(ident, max(1, round(1.0 / (rate_hz * _PERIOD_S))), present, layout)
+    return Block(ident, max(1, round(1.0 / (rate_hz * _PERIOD_UNIT_S))), present, layout)
 
 
 def ask_reset() -> CrtpRequest:
@@ -107,8 +107,8 @@ def ask_deletion(block: Block) -> CrtpRequest:
 def ask_creation(block: Block, toc: Toc) -> tuple[CrtpRequest, ...]:
     """Returns the requests that create a block, one after the other: the first creates it, the others extend it."""
     requests = []
-    for first in range(0, len(block.variables), _PER_PACKET):
-        part = block.variables[first : first + _PER_PACKET]
+    for first in range(0, len(block.variables), _VARIABLES_PER_PACKET):
+        part = block.variables[first : first + _VARIABLES_PER_PACKET]
         command = CREATE_BLOCK if first == 0 else CREATE_BLOCK + 1
         items = b"".join(struct.pack("<BH", _TYPES[each.format], toc[each.name].ident) for each in part)
         requests.append(_control(bytes((command, block.ident)) + items, bytes((command, block.ident))))
@@ -132,10 +132,10 @@ def block_of(data: bytes) -> int:
 
 def milliseconds(data: bytes) -> int:
     """Returns the firmware's time in a packet of values; it begins again after 2^24 ms."""
-    return int.from_bytes(data[1:HEADER], "little")
+    return int.from_bytes(data[1:HEADER_BYTES], "little")
 
 
-_PER_PACKET = 9
+_VARIABLES_PER_PACKET = 9
 
 
 def _control(data: bytes, prefix: bytes) -> CrtpRequest:

@@ -29,15 +29,15 @@ FIRST_GO_TO_PROTOCOL = 8
 FIRST_STRAIGHT_YAW_PROTOCOL = 9
 """First version of the protocol in which yaw rates of velocity setpoints are positive to the left."""
 
-_ALWAYS_SET = 0x0C
-_EMPTY = 0xF3
+_LINK_BITS_MASK = 0x0C
+_EMPTY_PACKET_MASK = 0xF3
 _VELOCITY_LEGACY, _FULL_STATE, _POSITION, _VELOCITY = 1, 6, 7, 8
-_EXTERNAL_POSE = 8
-_MILLI = 1000.0
-_LARGEST_INT16 = 32767
+_EXTERNAL_POSE_TYPE = 8
+_MILLI_PER_UNIT = 1000.0
+_LARGEST_INT16_VALUE = 32767
 _QUATERNION_BITS = 9
 _QUATERNION_MASK = (1 << _QUATERNION_BITS) - 1
-ALL_GROUPS = 0
+ALL_GROUPS_MASK = 0
 
 
 class CrtpPacket(NamedTuple):
@@ -49,12 +49,12 @@ class CrtpPacket(NamedTuple):
 
     def encode(self) -> bytes:
         """Returns the bytes on the link."""
-        return bytes((self.port << 4 | _ALWAYS_SET | self.channel,)) + self.data
+        return bytes((self.port << 4 | _LINK_BITS_MASK | self.channel,)) + self.data
 
     @classmethod
     def decode(cls, raw: bytes) -> CrtpPacket | None:
         """Returns the packet; None if it is empty (the link's own)."""
-        if not raw or raw[0] & _EMPTY == _EMPTY:
+        if not raw or raw[0] & _EMPTY_PACKET_MASK == _EMPTY_PACKET_MASK:
             return None
         return cls(raw[0] >> 4, raw[0] & 3, raw[1:])
 
@@ -71,7 +71,7 @@ def full_state(
 
 def fits_full_state(position: Vector3) -> bool:
     """Returns whether a position can be sent with the whole motion, as millimetres in 16 bits."""
-    return all(abs(each) * _MILLI <= _LARGEST_INT16 for each in position)
+    return all(abs(each) * _MILLI_PER_UNIT <= _LARGEST_INT16_VALUE for each in position)
 
 
 def position_setpoint(position: Vector3, yaw_rad: float) -> CrtpPacket:
@@ -95,18 +95,18 @@ def go_to(position: Vector3, yaw_rad: float, duration_s: float, protocol: int) -
     """Returns the high-level command to fly to a place, and to stay there."""
     where = (*position, yaw_rad, duration_s)
     if protocol < FIRST_GO_TO_PROTOCOL:
-        return CrtpPacket(HIGH_LEVEL, 0, struct.pack("<BB?5f", GO_TO_LEGACY, ALL_GROUPS, False, *where))
-    return CrtpPacket(HIGH_LEVEL, 0, struct.pack("<BB??5f", GO_TO, ALL_GROUPS, False, False, *where))
+        return CrtpPacket(HIGH_LEVEL, 0, struct.pack("<BB?5f", GO_TO_LEGACY, ALL_GROUPS_MASK, False, *where))
+    return CrtpPacket(HIGH_LEVEL, 0, struct.pack("<BB??5f", GO_TO, ALL_GROUPS_MASK, False, False, *where))
 
 
 def land(height_m: float, duration_s: float) -> CrtpPacket:
     """Returns the high-level command to land at the present place and heading, at a height in the local frame."""
-    return CrtpPacket(HIGH_LEVEL, 0, struct.pack("<BBff?f", LAND, ALL_GROUPS, height_m, 0.0, True, duration_s))
+    return CrtpPacket(HIGH_LEVEL, 0, struct.pack("<BBff?f", LAND, ALL_GROUPS_MASK, height_m, 0.0, True, duration_s))
 
 
 def stop() -> CrtpPacket:
     """Returns the high-level command that stops the motors."""
-    return CrtpPacket(HIGH_LEVEL, 0, bytes((STOP, ALL_GROUPS)))
+    return CrtpPacket(HIGH_LEVEL, 0, bytes((STOP, ALL_GROUPS_MASK)))
 
 
 def numbered_landing(packet: CrtpPacket, number: int) -> CrtpPacket:
@@ -132,7 +132,7 @@ def refuses_arming(packet: CrtpPacket) -> bool:
 
 def external_pose(position: Vector3, orientation: Quaternion) -> CrtpPacket:
     """Returns a pose from outside, for the estimator."""
-    return CrtpPacket(LOCALIZATION, 1, struct.pack("<B7f", _EXTERNAL_POSE, *position, *orientation))
+    return CrtpPacket(LOCALIZATION, 1, struct.pack("<B7f", _EXTERNAL_POSE_TYPE, *position, *orientation))
 
 
 def external_position(position: Vector3) -> CrtpPacket:
@@ -168,4 +168,4 @@ def decompress(packed: int) -> Quaternion:
 
 def _int16(value: float) -> int:
     """Returns thousandths in 16 bits."""
-    return max(-_LARGEST_INT16, min(_LARGEST_INT16, round(value * _MILLI)))
+    return max(-_LARGEST_INT16_VALUE, min(_LARGEST_INT16_VALUE, round(value * _MILLI_PER_UNIT)))

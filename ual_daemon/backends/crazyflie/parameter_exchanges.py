@@ -32,7 +32,7 @@ them.
 """
 LIMIT_S, EACH_S = 5.0, 0.2
 """Seconds that an exchange may take, and additional seconds for each of its parameters."""
-MOST_WAITING = 100
+MOST_WAITING_EXCHANGES = 100
 TYPES = {
     "B": ParameterType.UINT8,
     "b": ParameterType.INT8,
@@ -109,9 +109,9 @@ class ParameterExchanges:
             self._running.withdraw()
 
     def _add(self, exchange: _ParameterReading | _Writing, future: Future[list[Parameter]] | Future[Parameter]) -> None:
-        if len(self._waiting) >= MOST_WAITING:
-            text = f"{MOST_WAITING} reads and writes of parameters wait already, which is the limit"
-            futures.fail(future, ResourceExhaustedError(text, {"limit": str(MOST_WAITING)}))
+        if len(self._waiting) >= MOST_WAITING_EXCHANGES:
+            text = f"{MOST_WAITING_EXCHANGES} reads and writes of parameters wait already, which is the limit"
+            futures.fail(future, ResourceExhaustedError(text, {"limit": str(MOST_WAITING_EXCHANGES)}))
         else:
             self._waiting.append(exchange)
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from ual_daemon.backends.crazyflie.packets import CrtpPacket
 
-WINDOW_REQUESTS = 8
+MOST_PENDING_REQUESTS = 8
 """Most requests on their way at once; the firmware has a short queue for each port."""
 FIRST_REPEAT_S, LONGEST_REPEAT_S = 0.1, 0.4
 
@@ -58,7 +58,7 @@ class CrtpRequests:
 
     def step(self, now_s: float) -> None:
         """Sends the requests that are due, for the first time or again."""
-        for pending in self._pending[:WINDOW_REQUESTS]:
+        for pending in self._pending[:MOST_PENDING_REQUESTS]:
             if now_s >= pending.due_s:
                 self._send(pending.request.packet)
                 pending.due_s = now_s + pending.repeat_s

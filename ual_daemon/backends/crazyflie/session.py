@@ -40,7 +40,7 @@ from ual_daemon.backends.values import PositionSetpoint, Setpoint, Snapshot, Veh
 
 TICK_S = 0.02
 """The longest wait for packets: commands of other threads wait for as long at most."""
-_NEW_S = 0.15
+_POSE_AGE_LIMIT_S = 0.15
 """An older pose does not say where it is now."""
 _ARMING = Repeat(every_s=0.1, most=45)
 """Its firmware refuses to arm for 3 s after a landing: a refusal counts only when that has passed."""
@@ -98,7 +98,7 @@ class CrazyflieSession:
     def send(self, setpoint: Setpoint) -> None:
         """Sends a setpoint."""
         now_s, pose = self._clock.now_s(), self.telemetry.pose
-        is_new = pose is not None and now_s - pose.time_s <= _NEW_S
+        is_new = pose is not None and now_s - pose.time_s <= _POSE_AGE_LIMIT_S
         self.commander.send(setpoint, now_s, pose.value.position if pose is not None and is_new else None)
 
     def arm(self) -> Future[None]:

@@ -27,15 +27,15 @@ from ual_daemon.backends.values import (
     Snapshot,
 )
 
-REST_S = 0.3
+REST_TIME_S = 0.3
 """With its motors off and at rest for this long it stands on the ground: the supervisor says "flying" for 2 s more."""
-REST_M_S = 0.15
-HEARD_S = 0.5
+REST_SPEED_M_S = 0.15
+RECENT_CONTACT_S = 0.5
 """While it was received within this time, what is missing of the connection is the reason of the state."""
 _WRAP_MS = 1 << 24
-_LATE_MS = 5000
+_LATE_PACKET_MS = 5000
 """A packet of values that is older than the last one by less than this came late."""
-_MILLI = 1e-3
+_S_PER_MS = 1e-3
 _ASSERTION = "assert failed"
 """Part of a line of its console, in lower case, after which it does not fly on."""
 _FLOW = "flow deck"
@@ -49,7 +49,7 @@ _DECKS = {
 POSITIONING_DECKS = tuple(_DECKS)
 """The parameters that say which deck for positioning is there."""
 ESTIMATOR = "stabilizer.estimator"
-_COMPLEMENTARY = 1
+_COMPLEMENTARY_ESTIMATOR_TYPE = 1
 _VARIANCES = ("kalman.varPX", "kalman.varPY", "kalman.varPZ")
 
 
@@ -66,20 +66,20 @@ class BoardTime:
         last = self._last_ms
         if last is not None:
             step_ms = (stamp_ms - last) % _WRAP_MS
-            if step_ms == 0 or step_ms > _WRAP_MS - _LATE_MS:
+            if step_ms == 0 or step_ms > _WRAP_MS - _LATE_PACKET_MS:
                 return None
             if stamp_ms < last:
                 self._turns_ms += _WRAP_MS
         self._last_ms, self._last_heard_s = stamp_ms, now_s
-        return (self._turns_ms + stamp_ms) * _MILLI
+        return (self._turns_ms + stamp_ms) * _S_PER_MS
 
     def fits(self, stamp_ms: int, now_s: float, tolerance_s: float) -> bool:
         """Returns whether a stamp is what the firmware's clock must show now, if it has run on since the last one."""
         if self._last_ms is None:
             return True
-        expected_ms = self._last_ms + (now_s - self._last_heard_s) / _MILLI
+        expected_ms = self._last_ms + (now_s - self._last_heard_s) / _S_PER_MS
         error_ms = (stamp_ms - expected_ms + _WRAP_MS / 2) % _WRAP_MS - _WRAP_MS / 2
-        return abs(error_ms) <= tolerance_s / _MILLI
+        return abs(error_ms) <= tolerance_s / _S_PER_MS
 
 
 class CrazyflieTelemetry:
@@ -121,7 +121,7 @@ class CrazyflieTelemetry:
     def on_motion(self, values: Mapping[str, float], measured_s: float, now_s: float, utc_s: float) -> None:
         """Takes the values of the block `MOTION`."""
         position = Vector3(values["stateEstimate.x"], values["stateEstimate.y"], values["stateEstimate.z"])
-        linear = Vector3(*(values[f"stateEstimateZ.v{axis}"] * _MILLI for axis in "xyz"))
+        linear = Vector3(*(values[f"stateEstimateZ.v{axis}"] * _S_PER_MS for axis in "xyz"))
         pose = Pose(position, decompress(int(values["stateEstimateZ.quat"])))
         velocity = Twist(linear, self._rates)
         if not self._plausibility.accepts_motion(pose, velocity):
@@ -139,9 +139,9 @@ class CrazyflieTelemetry:
         is_flying = bool(self.info.value & SupervisorFlags.FLYING)
         if thrust is not None:
             self.contact.update(thrust, velocity, now_s)
-        if velocity.norm() > REST_M_S or (thrust is not None and thrust > 0):
+        if velocity.norm() > REST_SPEED_M_S or (thrust is not None and thrust > 0):
             self._moved_s = now_s
-        rests = now_s - self._moved_s >= REST_S
+        rests = now_s - self._moved_s >= REST_TIME_S
         landed = self._landed_by(thrust, rests=rests, is_flying=is_flying)
         if landed is LandedState.ON_GROUND and rests:
             self.ground = KnownGround.standing_at(self.pose.value.position)
@@ -167,7 +167,7 @@ class CrazyflieTelemetry:
 
     def on_status(self, values: Mapping[str, float], now_s: float) -> None:
         """Takes the values of the block `STATUS`, as far as the firmware has them."""
-        rates = [values.get(f"stateEstimateZ.rate{axis}", 0.0) * _MILLI for axis in ("Roll", "Pitch", "Yaw")]
+        rates = [values.get(f"stateEstimateZ.rate{axis}", 0.0) * _S_PER_MS for axis in ("Roll", "Pitch", "Yaw")]
         self._rates = Vector3(rates[0], -rates[1], rates[2])  # this pitch rate is positive upwards
         self._estimator = Sample(self._judge_estimator(values), now_s)
         if "pm.state" in values:
@@ -179,7 +179,7 @@ class CrazyflieTelemetry:
 
     def _judge_estimator(self, values: Mapping[str, float]) -> Estimator:
         decks = [text for name, text in _DECKS.items() if self.parameters.get(name)]
-        if self.parameters.get(ESTIMATOR) == _COMPLEMENTARY:
+        if self.parameters.get(ESTIMATOR) == _COMPLEMENTARY_ESTIMATOR_TYPE:
             return Estimator(False, f"its estimator knows no position: set {ESTIMATOR}=2 (Kalman)")
         variances = [values[name] for name in _VARIANCES if name in values]
         if not all(map(math.isfinite, variances)):
@@ -224,7 +224,7 @@ class CrazyflieTelemetry:
         """Returns all values as of now. `connecting` says, human-readable, what is missing of the connection."""
         info = self.info
         found = troubles(self.supervisor, self.power_state)
-        is_heard = self.heard_s is not None and now_s - self.heard_s <= HEARD_S
+        is_heard = self.heard_s is not None and now_s - self.heard_s <= RECENT_CONTACT_S
         return Snapshot(
             time_s=now_s,
             heard_s=self.heard_s,

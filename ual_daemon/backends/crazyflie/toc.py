@@ -21,7 +21,7 @@ LOG_FORMATS = {1: "B", 2: "H", 3: "I", 4: "b", 5: "h", 6: "i", 7: "f", 8: "e"}
 """The types of logged variables, in the letters of `struct`."""
 PARAMETER_FORMATS = {8: "B", 9: "H", 10: "I", 11: "Q", 0: "b", 1: "h", 2: "i", 3: "q", 5: "e", 6: "f", 7: "d"}
 _TYPE_MASK = 0x0F
-_READ_ONLY = 0x40
+_READ_ONLY_BIT = 0x40
 _ITEM = struct.Struct("<BHB")
 _INFO = struct.Struct("<BHI")
 KINDS = {LOG: "log", PARAMETER: "parameter"}
@@ -71,7 +71,7 @@ def read_item(port: int, data: bytes) -> tuple[str, Variable] | None:
     if kind & _TYPE_MASK not in formats or len(names) < 2:
         return None
     name = f"{names[0].decode('latin-1')}.{names[1].decode('latin-1')}"
-    return name, Variable(ident, formats[kind & _TYPE_MASK], port == PARAMETER and bool(kind & _READ_ONLY))
+    return name, Variable(ident, formats[kind & _TYPE_MASK], port == PARAMETER and bool(kind & _READ_ONLY_BIT))
 
 
 class TocCache:

@@ -37,7 +37,7 @@ class ValuesReader:
 
     def on_data(self, data: bytes, now_s: float, utc_s: float) -> None:
         """Takes a packet of values."""
-        block = self._blocks.get(log_blocks.block_of(data)) if len(data) >= log_blocks.HEADER else None
+        block = self._blocks.get(log_blocks.block_of(data)) if len(data) >= log_blocks.HEADER_BYTES else None
         values = None if block is None else block.decode(data)
         if block is None or values is None:
             return

@@ -8,7 +8,7 @@ from ual.types import Capability, Limits
 from ual_daemon.backends.crazyflie.connecting import CONTROLLER, SPEEDS
 from ual_daemon.backends.values import SetpointLoss, Takes, VehicleInfo
 
-_SPEED_M_S = 1.0
+_DEFAULT_SPEED_M_S = 1.0
 """The firmware's default, where it does not say its own."""
 _PID = (0, 1)
 _PID_SHARE = 0.8
@@ -31,7 +31,7 @@ def describe(
     """Returns the description of a vehicle with these parameters. `identity` is empty while none is connected."""
     is_pid = parameters.get(CONTROLLER, 1) in _PID
     share = _PID_SHARE if is_pid else 1.0
-    x, y, z = (share * parameters.get(name, _SPEED_M_S) for name in SPEEDS)
+    x, y, z = (share * parameters.get(name, _DEFAULT_SPEED_M_S) for name in SPEEDS)
     horizontal_m_s, vertical_m_s = max(0.1, min(x, y)), max(0.1, z)
     limits = Limits(horizontal_m_s, vertical_m_s, vertical_m_s, _HORIZONTAL_M_S2, _VERTICAL_M_S2, yaw_rate_rad_s)
     return VehicleInfo(

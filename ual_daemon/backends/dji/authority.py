@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ual_daemon.backends.dji import modes
 
-_FOLLOWS_S = 0.4
+_MODE_CHANGE_S = 0.4
 """An aircraft that follows setpoints shows SDK_CONTROL within this time, and one that takes off AUTO_TAKEOFF."""
 
 
@@ -69,7 +69,7 @@ class DjiAuthority:
         was_taking_off, self._is_taking_off = self._is_taking_off, display_mode in modes.TAKING_OFF
         if display_mode in modes.TAKING_OFF or display_mode == modes.SDK_CONTROL:
             self._lifted_s = None
-        elif self._lifted_s is not None and now_s - self._lifted_s > _FOLLOWS_S:
+        elif self._lifted_s is not None and now_s - self._lifted_s > _MODE_CHANGE_S:
             self._lose(display_mode)
             self._lifted_s = None
         if display_mode == modes.SDK_CONTROL:
@@ -77,9 +77,9 @@ class DjiAuthority:
             if self._is_doubted:
                 self.why_lost, self._is_doubted = "", False
             return True
-        is_ignored = self._sent_s is not None and now_s - self._sent_s > _FOLLOWS_S
+        is_ignored = self._sent_s is not None and now_s - self._sent_s > _MODE_CHANGE_S
         is_waiting = display_mode in (modes.P_GPS, modes.ENGINE_START) or display_mode in modes.TAKING_OFF
-        is_cut_short = was_taking_off and height_m is not None and height_m < _CLIMBED_M
+        is_cut_short = was_taking_off and height_m is not None and height_m < _TAKE_OFF_HEIGHT_M
         if display_mode in modes.TAKING_OFF:  # P_GPS comes after it, whatever showed on the ground
             self._sent_s, self._has_followed = None, False
         elif self._has_followed or is_ignored or is_cut_short or not is_waiting:
@@ -96,7 +96,7 @@ class DjiAuthority:
             self._idle_followed_s = None
         elif display_mode == modes.SDK_CONTROL:
             self._idle_followed_s = now_s
-        elif self._idle_followed_s is not None and now_s - self._idle_followed_s > _FOLLOWS_S:
+        elif self._idle_followed_s is not None and now_s - self._idle_followed_s > _MODE_CHANGE_S:
             self._idle_followed_s = None
             self.why_lost = self.why_lost or f"its mode became {modes.name(display_mode)} on the ground"
 
@@ -127,11 +127,11 @@ class Holding:
         """Takes the present holder. What was said before the request may come a little after it."""
         if is_ours:
             self._was_seen = True
-        elif self._was_seen or now_s - self.asked_s > _SHOWN_S:
+        elif self._was_seen or now_s - self.asked_s > _AUTHORITY_NEWS_S:
             self.drop()
 
 
-_CLIMBED_M = 1.1
+_TAKE_OFF_HEIGHT_M = 1.1
 """The built-in take-off ends at 1.2 m. One that ends lower was ended by the pilot."""
-_SHOWN_S = 2.5
+_AUTHORITY_NEWS_S = 2.5
 """Authority that was granted shows within this time, also where it is published once a second."""

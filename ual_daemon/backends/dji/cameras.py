@@ -41,15 +41,15 @@ POSITIONS = (1, 2, 3)
 """`E_DjiMountPosition`: the ports of payloads."""
 LOOK_S, LOOK_AGAIN_S = 1.0, 30.0
 """Seconds between two looks at an empty port: at first, and once there is a camera, or none was found for a while."""
-LOOKS_COUNT = 20
-SEEN_S = 5.0
+EARLY_CHECKS_COUNT = 20
+CAMERA_CHECK_PERIOD_S = 5.0
 """Seconds between two checks that a camera is still there."""
-CALL_S = 5.0
-INTERVAL_S = 8.0
+CALL_TIMEOUT_S = 5.0
+INTERVAL_CALL_TIMEOUT_S = 8.0
 """The wrapper sleeps for 2 s while it begins pictures by time."""
 FOREVER, MOST_COUNT = 255, 254
 """Of pictures by time, as DJI counts them."""
-LONGEST_INTERVAL_S = 3600.0
+LONGEST_PHOTO_INTERVAL_S = 3600.0
 AUTO_FOCUS_ONCE = 1
 """`DJI_CAMERA_MANAGER_FOCUS_MODE_AUTO`."""
 _ABILITIES = frozenset({CameraAbility.PHOTO, CameraAbility.VIDEO, CameraAbility.ZOOM, CameraAbility.FOCUS})
@@ -140,13 +140,13 @@ class DjiCamera(CameraDriver):
 
     @override
     def start_interval(self, interval_s: float, count: int) -> Future[None]:
-        if interval_s != int(interval_s) or interval_s > LONGEST_INTERVAL_S:
+        if interval_s != int(interval_s) or interval_s > LONGEST_PHOTO_INTERVAL_S:
             return futures.failed(_invalid("interval_s", f"{interval_s:g}: DJI takes whole seconds"))
         if count > MOST_COUNT:
             return futures.failed(_invalid("count", f"{count}: DJI takes at most {MOST_COUNT}, or 0 for no end"))
         under_way = self._by_distance
         order = {"num_photos_to_capture": count or FOREVER, "time_interval": int(interval_s)}
-        begun = self._call("shoot_interval_photo", order, INTERVAL_S, _MAYBE_DONE)
+        begun = self._call("shoot_interval_photo", order, INTERVAL_CALL_TIMEOUT_S, _MAYBE_DONE)
         begun.add_done_callback(lambda ended: self._end_distance(under_way, ended))
         return then(begun, lambda _: self._note_interval(interval_s, count))
 
@@ -255,7 +255,7 @@ class DjiCamera(CameraDriver):
         return LinkLostError(f"camera {self._number} is not heard: {trouble}") if trouble else None
 
     def _call(
-        self, name: str, arguments: Message | None = None, limit_s: float = CALL_S, doubt: str = ""
+        self, name: str, arguments: Message | None = None, limit_s: float = CALL_TIMEOUT_S, doubt: str = ""
     ) -> Future[Message]:
         error = self._why_not()
         if error is not None:
@@ -309,9 +309,9 @@ class DjiCameras(CameraDrivers):
     def _ask(self, position: int, now_s: float) -> None:
         self._looks_count += 1
         is_known = any(each.position == position for each in self._cameras)
-        is_early = self._looks_count <= LOOKS_COUNT and not self._cameras
-        self._next_s[position] = now_s + (SEEN_S if is_known else LOOK_S if is_early else LOOK_AGAIN_S)
-        self._asked = asked = self._around.call(service_of("get_type"), {"payload_index": position}, CALL_S)
+        is_early = self._looks_count <= EARLY_CHECKS_COUNT and not self._cameras
+        self._next_s[position] = now_s + (CAMERA_CHECK_PERIOD_S if is_known else LOOK_S if is_early else LOOK_AGAIN_S)
+        self._asked = asked = self._around.call(service_of("get_type"), {"payload_index": position}, CALL_TIMEOUT_S)
         asked.add_done_callback(lambda answer: self._on_type(position, answer))
 
     def _on_type(self, position: int, answer: Future[Message]) -> None:

@@ -27,27 +27,27 @@ from ual_daemon.backends.rosbridge.fields import number
 
 ROTATION, ROTATION_TYPE = "psdk_ros2/gimbal_rotation", "psdk_interfaces/GimbalRotation"
 RESET = "psdk_ros2/gimbal_reset"
-POSITION = 1
-"""Its angles are told of the first port only."""
+PAYLOAD_PORT = 1
+"""The first port: the wrapper reports only that one's angles."""
 ABSOLUTE, PITCH_AND_YAW = 1, 1
 """`E_DjiGimbalRotationMode` and `E_DjiGimbalResetMode`."""
 TURN_S, AIM_S = 0.5, 0.1
 """Seconds that a turn may take: of an order, and of angles that are sent often."""
-HEARD_S = 3.0
+ANGLES_SILENCE_S = 3.0
 """Seconds without reported angles after which a gimbal counts as not connected. The wrapper tells them once a second at
 least.
 """
-TURNED_RAD = 0.01
+NOSE_TURN_RAD = 0.01
 """Turn of the nose in rad after which angles that count from it are sent again."""
 REACHED_RAD, ASIDE_RAD, SETTLED_S = 0.05, 0.1, 1.0
 """Angle in rad within which it is where it was ordered to be; angle beyond which another operator has turned it, some
 seconds after the last order. The safety pilot turns it by the dial of the remote controller, and keeps it then.
 """
-THEIRS_S = 2.0
+FOREIGN_CONTROL_S = 2.0
 """Seconds for which another program then has the control of the gimbal. DJI has no control that could be taken back: a
 later order is taken again.
 """
-CALL_S = 5.0
+CALL_TIMEOUT_S = 5.0
 _NAME = "payload 1"
 _ABILITIES = frozenset(
     {GimbalAbility.PITCH, GimbalAbility.YAW, GimbalAbility.HORIZON, GimbalAbility.EARTH, GimbalAbility.NEUTRAL}
@@ -135,7 +135,9 @@ class DjiGimbal(FindableGimbal):
         roll, pitch, yaw = (number(message["vector"][axis]) for axis in "xyz")
         if self._first_s is None:
             self._first_s = now_s
-        is_known = self.is_found or self._is_mounted or (self._is_mounted is None and now_s - self._first_s > HEARD_S)
+        is_known = (
+            self.is_found or self._is_mounted or (self._is_mounted is None and now_s - self._first_s > ANGLES_SILENCE_S)
+        )
         if is_known and all(map(math.isfinite, (roll, pitch, yaw))):
             self._told = _ReportedAngles(Quaternion.from_euler(roll, pitch, yaw), now_s)
             self._note_others(pitch, yaw, now_s)
@@ -153,7 +155,7 @@ class DjiGimbal(FindableGimbal):
             followed, heading_rad = self._from_nose, self._heading_rad()
             if followed is None or heading_rad is None or self._why_not() is not None:
                 return
-            if abs(wrap_angle(heading_rad - followed.heading_rad)) > TURNED_RAD:
+            if abs(wrap_angle(heading_rad - followed.heading_rad)) > NOSE_TURN_RAD:
                 self._from_nose = followed._replace(heading_rad=heading_rad)
                 self._send(followed.angles, heading_rad, AIM_S)
 
@@ -178,7 +180,7 @@ class DjiGimbal(FindableGimbal):
 
     @override
     def control(self) -> tuple[GimbalControl | None, str]:
-        if self._is_turned_aside and self._around.now_s() - self._aside_s < THEIRS_S:
+        if self._is_turned_aside and self._around.now_s() - self._aside_s < FOREIGN_CONTROL_S:
             return GimbalControl.OTHER, "the dial of the remote controller, or another program,"
         return None, ""
 
@@ -203,7 +205,7 @@ class DjiGimbal(FindableGimbal):
         if error is not None:
             return futures.failed(error)
         self._begin()
-        answer = self._around.call(RESET, {"payload_index": POSITION, "reset_mode": PITCH_AND_YAW}, CALL_S)
+        answer = self._around.call(RESET, {"payload_index": PAYLOAD_PORT, "reset_mode": PITCH_AND_YAW}, CALL_TIMEOUT_S)
         return then(caught(answer, _explained), _accepted)
 
     @override
@@ -258,7 +260,7 @@ class DjiGimbal(FindableGimbal):
         is_reached = self._target is not None and self._target.is_reached
         self._target = _SentTarget(angles.pitch_rad, yaw_rad, self._around.now_s(), is_reached=is_reached)
         message = {
-            "payload_index": POSITION,
+            "payload_index": PAYLOAD_PORT,
             "rotation_mode": ABSOLUTE,
             "roll": angles.roll_rad,
             "pitch": angles.pitch_rad,
@@ -270,8 +272,8 @@ class DjiGimbal(FindableGimbal):
     def _why_not(self) -> LinkLostError | None:
         trouble = self._around.trouble() or ("it is not mounted" if self._is_mounted is False else "")
         told = self._told
-        if not trouble and (told is None or self._around.now_s() - told.time_s > HEARD_S):
-            trouble = f"it has not told its angles for {HEARD_S:g} s"
+        if not trouble and (told is None or self._around.now_s() - told.time_s > ANGLES_SILENCE_S):
+            trouble = f"it has not told its angles for {ANGLES_SILENCE_S:g} s"
         return LinkLostError(f"gimbal 0 is not heard: {trouble}") if trouble else None
 
     def _why_silent(self) -> LinkLostError | None:

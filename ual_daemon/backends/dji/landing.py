@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ual_daemon.backends.dji.telemetry import DjiTelemetry
 
-_BEGINS_S = 2.5
+_LANDING_BEGIN_S = 2.5
 """A landing that was accepted shows in the display mode within this time."""
 _HEIGHT_S, _MODE_S = 1.5, 1.5
 """With an older height or mode nothing is confirmed."""
@@ -24,7 +24,7 @@ class LandingRequest:
             return False
         is_ours = telemetry.has_authority or not telemetry.wrapper.says_authority
         self._has_begun = self._has_begun or telemetry.is_descending
-        is_late = not self._has_begun and now_s - self._accepted_s > _BEGINS_S
+        is_late = not self._has_begun and now_s - self._accepted_s > _LANDING_BEGIN_S
         is_over = self._has_begun and not telemetry.is_descending
         self.has_ended = telemetry.is_on_ground or not is_ours or is_over or is_late
         height = telemetry.height.sample

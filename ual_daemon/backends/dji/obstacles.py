@@ -6,10 +6,10 @@ import math
 
 from ual.geometry import Vector3
 
-_NEAR_M = 8.0
-_WANTED_M_S = 0.5
-_SHARE = 0.4
-_BRAKED_S = 1.0
+_OBSTACLE_DISTANCE_M = 8.0
+_LEAST_WANTED_SPEED_M_S = 0.5
+_BRAKED_SPEED_SHARE = 0.4
+_BRAKING_TIME_S = 1.0
 _DIRECTIONS = {"front": 0.0, "left": 0.5 * math.pi, "back": math.pi, "right": -0.5 * math.pi}
 
 
@@ -24,13 +24,13 @@ class ObstacleWatch:
     def observe(self, wanted: Vector3, flown: Vector3, yaw_rad: float, now_s: float) -> str:
         """Returns what brakes it, human-readable; empty if nothing seems to."""
         speed = wanted.horizontal_norm()
-        along = (wanted.x * flown.x + wanted.y * flown.y) / speed if speed > _WANTED_M_S else math.inf
-        if along > _SHARE * speed:
+        along = (wanted.x * flown.x + wanted.y * flown.y) / speed if speed > _LEAST_WANTED_SPEED_M_S else math.inf
+        if along > _BRAKED_SPEED_SHARE * speed:
             self._since_s = None
             return ""
         if self._since_s is None:
             self._since_s = now_s
-        if now_s - self._since_s < _BRAKED_S:
+        if now_s - self._since_s < _BRAKING_TIME_S:
             return ""
         return self._obstacle(math.atan2(wanted.y, wanted.x) - yaw_rad)
 
@@ -38,6 +38,9 @@ class ObstacleWatch:
         """Returns the obstacle in a direction of the body."""
         for name, direction in _DIRECTIONS.items():
             distance_m = self.distances_m.get(name, math.inf)
-            if abs(math.remainder(bearing_rad - direction, math.tau)) <= 0.3 * math.pi and distance_m < _NEAR_M:
+            if (
+                abs(math.remainder(bearing_rad - direction, math.tau)) <= 0.3 * math.pi
+                and distance_m < _OBSTACLE_DISTANCE_M
+            ):
                 return f"obstacle avoidance brakes: an obstacle {distance_m:.1f} m to the {name}"
         return ""

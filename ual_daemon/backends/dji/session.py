@@ -21,19 +21,19 @@ from ual_daemon.backends.dji.telemetry import LINK_S, DjiTelemetry
 from ual_daemon.backends.dji.wrappers import JOY, DjiCall, DjiTopic, OsdkVehicleNode, Wrapper
 from ual_daemon.backends.engine.command import Command, Verdict
 from ual_daemon.backends.engine.command_runner import CommandRunner, RunnerSettings
-from ual_daemon.backends.engine.limits import SILENT_S
+from ual_daemon.backends.engine.limits import BLIND_SILENCE_S
 from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.rosbridge import Message, RosbridgeLink, RosbridgeState
 from ual_daemon.backends.values import Snapshot, VelocitySetpoint
 
 _log = logging.getLogger(__name__)
 
-_SILENCE_S = 5.0
+_TOPIC_SILENCE_S = 5.0
 """Seconds of silence after which a topic is subscribed to again."""
-_MOST_MISSING = 3
+_MOST_NAMED_TOPICS = 3
 """More topics are not named at once."""
 _CONFIRM_AGAIN_S = 1.0
-_LONGEST_GAP_S = 10.0
+_LONGEST_LANDING_GAP_S = 10.0
 """After a longer silence the aircraft's own landing may be that of others."""
 _GIVEN_UP = "the landing was given up, as nothing was heard for a while and others may fly; land it, or let the pilot"
 _CONFIRM, _RELEASE = "confirm", "release"
@@ -140,7 +140,7 @@ class DjiSession:
     def _missing(self, telemetry: DjiTelemetry, now_s: float) -> str:
         """Returns which topics do not come without which it cannot be flown, human-readable; empty if they come."""
         missing = telemetry.missing_topics(now_s)
-        return "; ".join(self._fault(topic) for topic in missing[:_MOST_MISSING])
+        return "; ".join(self._fault(topic) for topic in missing[:_MOST_NAMED_TOPICS])
 
     def _fault(self, topic: DjiTopic) -> str:
         name = self._link.url.resolve(topic.name)
@@ -165,11 +165,11 @@ class DjiSession:
                 # Every node logs there: that is no sign of life of the aircraft.
                 partial(self._on_log, telemetry) if is_log else partial(self._on_message, telemetry, topic.handler),
                 queue_length=10 if is_log else 1,
-                silence_s=math.inf if is_log else _SILENCE_S,
+                silence_s=math.inf if is_log else _TOPIC_SILENCE_S,
             )
         for topic in wrapper.payload_topics:
             handler = partial(self._on_payload, topic.handler)
-            self._link.subscribe(topic.name, topic.kind, handler, silence_s=_SILENCE_S)
+            self._link.subscribe(topic.name, topic.kind, handler, silence_s=_TOPIC_SILENCE_S)
         if wrapper.payload_topics:
             self._link.advertise(ROTATION, ROTATION_TYPE)
         if wrapper.setpoint_topic:
@@ -179,7 +179,7 @@ class DjiSession:
         """Takes the message of a topic that the wrapper alone publishes."""
         silence_s = self.watch.on_message(now_s)
         self._note_gap(silence_s, now_s)
-        if silence_s > SILENT_S:
+        if silence_s > BLIND_SILENCE_S:
             telemetry.authority.note_silence()
         poses_count = telemetry.poses_count
         telemetry.on_message(name, message, now_s)
@@ -329,7 +329,7 @@ class DjiSession:
         over to another program, and lands with it. After a long one it waits for the pilot.
         """
         landing = self._landing
-        if landing is not None and not landing.has_ended and gap_s > _LONGEST_GAP_S:
+        if landing is not None and not landing.has_ended and gap_s > _LONGEST_LANDING_GAP_S:
             self.end_landing()
             self._found().say(_GIVEN_UP, now_s)
             logs.event(_log, logging.WARNING, "landing_given_up", why=_GIVEN_UP)

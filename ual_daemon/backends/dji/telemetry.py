@@ -39,7 +39,7 @@ _log = logging.getLogger(__name__)
 
 _REMOTE, _APP, _OURS = 0, 1, 4
 """Controllers of the aircraft in `device_mode`."""
-_RTK_FIXED = 50
+_RTK_FIXED_TYPE = 50
 _PLACE = ("latitude", "longitude", "altitude")
 _WARNING_ROS1, _WARNING_ROS2 = 4, 30
 _FATAL_ROS1, _FATAL_ROS2 = 16, 50
@@ -204,7 +204,7 @@ class DjiTelemetry:
 
     def on_rtk_info(self, message: Message, _: float) -> None:
         """Takes the quality of RTK."""
-        self._is_rtk_fixed = message["data"] == _RTK_FIXED
+        self._is_rtk_fixed = message["data"] == _RTK_FIXED_TYPE
 
     def on_rtk_position(self, message: Message, now_s: float) -> None:
         """Takes the position by RTK."""
@@ -389,7 +389,7 @@ class DjiTelemetry:
     def missing_topics(self, now_s: float) -> tuple[DjiTopic, ...]:
         """Returns the topics on which nothing came for long, and without which it cannot be flown."""
         self._begun_s = min(self._begun_s, now_s)
-        taken_s, never_s, oldest_s = self._taken_s, self._begun_s, now_s - _MISSING_S
+        taken_s, never_s, oldest_s = self._taken_s, self._begun_s, now_s - _TOPIC_SILENCE_S
         return tuple([topic for topic in self._required if taken_s.get(topic.handler, never_s) < oldest_s])
 
     def _status_text(self, missing: str, now_s: float) -> str:
@@ -439,7 +439,11 @@ class DjiTelemetry:
 
     def _is_good(self, now_s: float) -> bool:
         level = self._level.sample
-        return level is not None and level.value >= self._settings.least_gps_level and now_s - level.time_s < _LEVEL_S
+        return (
+            level is not None
+            and level.value >= self._settings.least_gps_level
+            and now_s - level.time_s < _GPS_LEVEL_AGE_LIMIT_S
+        )
 
     def _estimator(self, missing: str, now_s: float) -> Sample[Estimator] | None:
         level, why = self._level.sample, self._why_bad(missing, now_s)
@@ -492,8 +496,8 @@ class DjiTelemetry:
 
 LINK_S = 1.0
 """Seconds without a message after which the link counts as lost."""
-_LEVEL_S = 3.0
-_MISSING_S = 3.0
+_GPS_LEVEL_AGE_LIMIT_S = 3.0
+_TOPIC_SILENCE_S = 3.0
 """Seconds without a message after which a topic is named as missing."""
 _BRAKED_S, _SAID_S = 1.0, 10.0
 """Seconds for which the cause of a braking is reported, and the wrapper's log lines and findings."""

@@ -17,15 +17,15 @@ AGREEING_COUNT, AGREEING_S = 3, 1.0
 """Consecutive samples that make a verdict, and the least seconds that they span. A burst of one program's is
 shorter.
 """
-LAPSE_S = 2.5
+SAMPLE_LAPSE_S = 2.5
 """A sample that is older than this agrees with none that comes later. A heartbeat comes each second."""
-ENDED_COUNT = 2
+AGREEING_SAMPLES_COUNT = 2
 """Consecutive samples that replace a verdict whose samples have ended (`ended_s`), however fast they come."""
-SETTLED_S = 5.0
+FIRST_VERDICT_S = 5.0
 """Seconds from its beginning within which a first verdict counts in flight, too: a daemon may begin beside a flight."""
-OLD_ARMED_S = 2.5
+OLD_ARMED_SAMPLE_S = 2.5
 """Seconds without a report that it is armed after which a flight is none that a verdict could end."""
-GROUNDED_S = 1.0
+FLIGHT_END_S = 1.0
 """Seconds on the ground, or disarmed, after which the flight has ended."""
 
 
@@ -37,13 +37,13 @@ class AirborneWatch:
 
     def update(self, armed: Sample[bool] | None, landed: Sample[LandedState] | None, now_s: float) -> None:
         """Takes the newest data; to be called often."""
-        is_armed = armed is not None and armed.value and now_s - armed.time_s <= OLD_ARMED_S
+        is_armed = armed is not None and armed.value and now_s - armed.time_s <= OLD_ARMED_SAMPLE_S
         if is_armed and (landed is None or landed.value is not LandedState.ON_GROUND):
             self._flown_s = now_s
 
     def is_flying(self, now_s: float) -> bool:
         """Returns whether it is in the air, or was a moment ago."""
-        return now_s - self._flown_s <= GROUNDED_S
+        return now_s - self._flown_s <= FLIGHT_END_S
 
 
 class Agreement(Generic[T]):
@@ -93,7 +93,7 @@ class Agreement(Generic[T]):
             self._backed_s = now_s
             self._drop()
             return False
-        if sample != self._candidate or now_s - self._seen_s > LAPSE_S:
+        if sample != self._candidate or now_s - self._seen_s > SAMPLE_LAPSE_S:
             self._drop()
             self._candidate, self._since_s = sample, now_s
         self._count, self._seen_s = self._count + 1, now_s
@@ -102,7 +102,7 @@ class Agreement(Generic[T]):
     def tick(self, now_s: float, *, is_flying: bool) -> bool:
         """Does what time does. Returns whether the verdict is another one now."""
         self._begun_s = min(self._begun_s, now_s)
-        if now_s - self._seen_s > LAPSE_S:
+        if now_s - self._seen_s > SAMPLE_LAPSE_S:
             self._drop()
         if self.value != self._assumed and now_s - self._backed_s > self._ends_s:
             self.value, self._backed_s = self._assumed, -math.inf
@@ -112,9 +112,9 @@ class Agreement(Generic[T]):
     def _decide(self, now_s: float, *, is_flying: bool) -> bool:
         candidate, has_ended = self._candidate, self.is_backed and now_s - self._backed_s > self._ended_s
         do_agree = self._count >= self._needed_count and now_s - self._since_s >= self._span_s
-        if candidate is None or not (do_agree or (has_ended and self._count >= ENDED_COUNT)):
+        if candidate is None or not (do_agree or (has_ended and self._count >= AGREEING_SAMPLES_COUNT)):
             return False
-        if is_flying and (self.is_backed or now_s - self._begun_s > SETTLED_S):
+        if is_flying and (self.is_backed or now_s - self._begun_s > FIRST_VERDICT_S):
             self.pending = candidate
             return False
         self.value, self._backed_s = candidate, now_s

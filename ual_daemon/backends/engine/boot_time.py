@@ -13,7 +13,7 @@ REBOOT_S = 1.0
 """A time since boot that goes back by more than this is of a new boot; one that goes back by less came late."""
 PROOFS_COUNT = 3
 """Consecutive messages that must fit one new boot, ..."""
-QUIET_S = 0.3
+MESSAGE_SILENCE_S = 0.3
 """... within these seconds without one that fits the old boot. An autopilot that boots is silent for longer."""
 SHORTEST_BOOT_S = 2.0
 """No autopilot reboots twice within this time."""
@@ -23,7 +23,7 @@ WRAP_S = (1 << 32) / 1000.0
 """Seconds, 49.7 days, after which MAVLink's milliseconds since boot begin again. A UAV in a dock may never be switched
 off.
 """
-_FASTEST = 50.0
+_FASTEST_TIME_FACTOR = 50.0
 """Fastest passage of a simulator's time, relative to ours."""
 
 
@@ -76,7 +76,7 @@ class BootTime:
             self.boot_s, self._received_s, self._candidate = max(self.boot_s, boot_s), now_s, None
             return False
         agreeing_count = self._note(boot_s, now_s)
-        is_quiet = now_s - self._received_s >= QUIET_S
+        is_quiet = now_s - self._received_s >= MESSAGE_SILENCE_S
         self.is_doubtful = is_quiet and agreeing_count < PROOFS_COUNT
         if not is_quiet or agreeing_count < PROOFS_COUNT or now_s - self._rebooted_s < SHORTEST_BOOT_S:
             self.is_foreign = not 0.0 <= boot_s - self.boot_s <= LEAP_S
@@ -106,4 +106,4 @@ def has_wrapped(old_boot_s: float, boot_s: float) -> bool:
 
 def _follows(old_boot_s: float, boot_s: float, passed_s: float) -> bool:
     """Returns whether two times since boot can be of one boot, where so long has passed between them by our clock."""
-    return -REBOOT_S <= boot_s - old_boot_s <= REBOOT_S + _FASTEST * passed_s
+    return -REBOOT_S <= boot_s - old_boot_s <= REBOOT_S + _FASTEST_TIME_FACTOR * passed_s

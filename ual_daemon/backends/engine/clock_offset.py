@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-WINDOW_S = 1.0
+OFFSET_WINDOW_S = 1.0
 """Seconds for which the fastest message counts. A longer window rejects more jitter, a shorter one follows a clock that
 runs wrong (a simulator's by 1 %) more closely.
 """
@@ -17,7 +17,7 @@ class ClockOffset:
     it and has no other effect.
     """
 
-    def __init__(self, window_s: float = WINDOW_S) -> None:
+    def __init__(self, window_s: float = OFFSET_WINDOW_S) -> None:
         self._window_s = window_s
         self._window_ends_s = -math.inf
         self._last_window_s = math.inf

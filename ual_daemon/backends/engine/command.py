@@ -9,7 +9,7 @@ from enum import Enum, auto
 from typing import Generic, NamedTuple, TypeVar
 
 from ual.errors import WrongStateError
-from ual_daemon.backends.engine.limits import UNSENT_S
+from ual_daemon.backends.engine.limits import UNSENT_COMMAND_S
 from ual_daemon.backends.values import LandedState, Mode, Snapshot
 
 R = TypeVar("R")
@@ -24,7 +24,7 @@ Shows = Callable[[Snapshot, float], bool]
 
 
 class NotYetError(WrongStateError):
-    """A command lacks something that the autopilot has not sent yet: it is made again for a while (`NOT_YET_S`)."""
+    """A command needs what the autopilot has not sent yet: it is retried for a while (`TEMPORARY_REFUSAL_S`)."""
 
 
 class Repeat(NamedTuple):
@@ -110,7 +110,7 @@ class Command(Generic[R]):
     waits: Callable[[Snapshot], str] | None = field(default=None, compare=False)
     refusal_is_final: bool = True
     is_harmless: bool = False
-    unsent_s: float = UNSENT_S
+    unsent_s: float = UNSENT_COMMAND_S
     is_told_by_answer: bool = False
     explain: R | None = None
     then: Command[R] | None = None

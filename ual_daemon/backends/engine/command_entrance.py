@@ -14,7 +14,7 @@ from ual_daemon.backends.command_snapshot import command_snapshot
 from ual_daemon.backends.engine.command import Command, NotYetError
 from ual_daemon.backends.engine.command_runner import CommandContext
 from ual_daemon.backends.engine.contained import defect
-from ual_daemon.backends.engine.limits import NOT_YET_S, UNSENT_S
+from ual_daemon.backends.engine.limits import TEMPORARY_REFUSAL_S, UNSENT_COMMAND_S
 from ual_daemon.backends.engine.loop import Loop
 
 R = TypeVar("R")
@@ -60,7 +60,7 @@ class CommandEntrance(Generic[R]):
         try:
             self._require_runner(what, asked, now_s).submit(make(), now_s, result, asked)
         except UalError as error:
-            if isinstance(error, NotYetError) and now_s - asked.time_s < NOT_YET_S:
+            if isinstance(error, NotYetError) and now_s - asked.time_s < TEMPORARY_REFUSAL_S:
                 self._loop.retry(partial(self._submit, what, make, asked, result))
             else:
                 futures.end(result, error)
@@ -68,7 +68,7 @@ class CommandEntrance(Generic[R]):
             futures.end(result, defect(what, error))
 
     def _require_runner(self, what: str, asked: CommandContext, now_s: float) -> Submits[R]:
-        if now_s - asked.time_s > UNSENT_S:
+        if now_s - asked.time_s > UNSENT_COMMAND_S:
             raise UalTimeoutError(f"the command to {what} was not sent: this computer had no time for it")
         runner = self._reach(what)
         if isinstance(runner, UalError):

@@ -25,7 +25,7 @@ from ual.shared.renamed import renamed_property
 from ual_daemon.backends import futures
 from ual_daemon.backends.engine.command import ARMING, FLYING, Command, Verdict
 from ual_daemon.backends.engine.contained import defect
-from ual_daemon.backends.engine.limits import OWN_MODE_S, SETPOINTS_WAIT_S, UNSENT_S
+from ual_daemon.backends.engine.limits import OWN_MODE_S, SETPOINTS_WAIT_S, UNSENT_COMMAND_S
 from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.values import Control, Mode, Sample, Snapshot
 
@@ -45,7 +45,7 @@ STALE_ANSWER_S = 1.0
 """Seconds after the end of a command within which an answer may still be its own: one that came twice or late. It
 carries only the key, so it could be taken for that of the next command with this key.
 """
-LATE_S = 0.1
+LATE_ACK_S = 0.1
 """An answer that has not come after this is late: the vehicle's state should be requested."""
 MOST_TEXTS = 20
 """Most texts that explain a refusal; the others are not kept."""
@@ -279,7 +279,7 @@ class CommandRunner(Generic[R]):
         if not self.is_any_pending and all(each.command.shows is None for each in self._in_flight.values()):
             return False
         return any(
-            pending.command.shows is not None and now_s - pending.first_s >= LATE_S
+            pending.command.shows is not None and now_s - pending.first_s >= LATE_ACK_S
             for pending in self._in_flight.values()
         ) or any(
             pending.command.is_action
@@ -466,7 +466,7 @@ class CommandRunner(Generic[R]):
     def _give_up_late_ones(self, now_s: float) -> None:
         """Ends the commands that could not leave, or that a bridge did not execute, before the callers give up."""
         for pending in self._those_left((*self._waiting, *self._in_flight.values())):
-            limit_s = UNSENT_S if pending.sends_count else pending.command.unsent_s
+            limit_s = UNSENT_COMMAND_S if pending.sends_count else pending.command.unsent_s
             if not pending.command.group or now_s - pending.asked_s <= limit_s:
                 continue
             if not pending.sends_count:

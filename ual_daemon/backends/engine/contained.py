@@ -11,7 +11,7 @@ from ual.errors import UalError
 
 _log = logging.getLogger(__name__)
 
-_MOST_TOLD = 10
+_MOST_LOGGED_ERRORS = 10
 P = ParamSpec("P")
 
 
@@ -43,7 +43,7 @@ class ErrorBarrier:
     def tell(self, error: Exception) -> None:
         """Logs a defect, once."""
         text = repr(error)
-        if text in self._told or len(self._told) >= _MOST_TOLD:
+        if text in self._told or len(self._told) >= _MOST_LOGGED_ERRORS:
             return
         self._told.add(text)
         line = "%s failed, and %s; this is a defect of UAL, please report it"

@@ -10,17 +10,17 @@ from enum import Enum
 from ual.shared.renamed import renamed
 from ual_daemon import logs
 from ual_daemon.backends.engine.boot_time import BootTime
-from ual_daemon.backends.engine.limits import ANEW_S, SILENT_S
+from ual_daemon.backends.engine.limits import BLIND_SILENCE_S, RESTART_SILENCE_S
 from ual_daemon.backends.values import LinkReport
 
 _log = logging.getLogger(__name__)
 
-STALE_S = 0.5
+STALE_LINK_S = 0.5
 """A link that is silent for this long is degraded: of every stream of 4 Hz or more two messages did not come."""
 
 
 class LinkWatchState(Enum):
-    """CONNECTING: no autopilot found yet. STALE: silent for `STALE_S`. LOST: silent so long that nothing is known."""
+    """CONNECTING: no autopilot yet. STALE: silent for `STALE_LINK_S`. LOST: silent so long that nothing is known."""
 
     CONNECTING = "connecting"
     CONNECTED = "connected"
@@ -69,7 +69,7 @@ class LinkWatch:
         """Notes a message of the autopilot, before its content is taken. Returns the silence before it, in seconds."""
         heard_s, self.heard_s = self.heard_s, now_s
         silence_s = 0.0 if heard_s is None else now_s - heard_s
-        if silence_s > SILENT_S or heard_s is None:
+        if silence_s > BLIND_SILENCE_S or heard_s is None:
             self._end_silence(silence_s, now_s)
         if self.state is not LinkWatchState.CONNECTED:
             self._change(LinkWatchState.CONNECTED, silence_s)
@@ -113,7 +113,7 @@ class LinkWatch:
             if self.state is not LinkWatchState.LOST:
                 self.lost_count += 1
                 self._change(LinkWatchState.LOST, silence_s)
-        elif silence_s > STALE_S and self.state is LinkWatchState.CONNECTED:
+        elif silence_s > STALE_LINK_S and self.state is LinkWatchState.CONNECTED:
             self._change(LinkWatchState.STALE, silence_s)
 
     # --- What follows -------------------------------------------------------------------------------------------------
@@ -139,7 +139,7 @@ class LinkWatch:
         """Returns why a command must not leave now, human-readable; empty if the link does not forbid it."""
         if self.heard_s is None:
             return "nothing was heard of the autopilot yet"
-        if now_s - self.heard_s > SILENT_S:
+        if now_s - self.heard_s > BLIND_SILENCE_S:
             return f"nothing was heard of the autopilot for {now_s - self.heard_s:.1f} s"
         if now_s < self.spoken_s:
             return "this computer did not run UAL for a moment, and what came meanwhile is being read"
@@ -151,7 +151,7 @@ class LinkWatch:
         self.spoken_s = max(self.spoken_s, now_s)
         if silence_s > self.lost_s:
             self.on_lost()
-        if silence_s > ANEW_S:
+        if silence_s > RESTART_SILENCE_S:
             self.on_anew()
 
     def _change(self, state: LinkWatchState, silence_s: float) -> None:

@@ -15,7 +15,7 @@ from ual.shared.renamed import renamed
 from ual_daemon.backends import futures
 from ual_daemon.backends.base import Clock, UpdateCallback
 from ual_daemon.backends.engine.contained import ErrorBarrier, defect
-from ual_daemon.backends.engine.limits import CATCH_UP_S, SILENT_S
+from ual_daemon.backends.engine.limits import BLIND_SILENCE_S, CATCH_UP_S
 from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.engine.scheduling_gap import SchedulingGap
 from ual_daemon.backends.values import LinkReport, Snapshot
@@ -155,7 +155,7 @@ class Loop:
         watched_s = now_s if self._watched_s is None else self._watched_s()
         blind_s = watched_s - gap.woke_s
         pause_s = gap.woke(watched_s, self._watch.lost_s if is_own_clock else math.inf)
-        if blind_s > SILENT_S:
+        if blind_s > BLIND_SILENCE_S:
             self._late_s = now_s + CATCH_UP_S
             self._watch.on_blind(self._late_s)
         if pause_s:
@@ -176,7 +176,9 @@ class Loop:
         if (has_news or not is_due) and now_s < self._next_tick_s and not self._posted:
             return
         tick_s = self._clock.now_s()
-        if tick_s - now_s <= SILENT_S:  # else this thread was kept: what came meanwhile is read before anything is done
+        if (
+            tick_s - now_s <= BLIND_SILENCE_S
+        ):  # else this thread was kept: what came meanwhile is read before anything is done
             self._tick(tick_s)
 
     def publish(self, now_s: float) -> None:

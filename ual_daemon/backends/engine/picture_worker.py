@@ -12,7 +12,7 @@ from ual_daemon.backends import futures
 
 T = TypeVar("T")
 
-MOST_WAITING = 8
+MOST_WAITING_PICTURES = 8
 """Pictures that may wait, of all cameras of a UAV."""
 
 
@@ -29,9 +29,9 @@ class PictureWorker:
     def submit(self, make: Callable[[], T]) -> Future[T]:
         """Has a picture made. The future ends with a `ResourceExhaustedError` where too many wait."""
         with self._lock:
-            if self._waiting_count >= MOST_WAITING:
-                text = f"{MOST_WAITING} pictures are being made already, which is the limit: wait for one"
-                return futures.failed(ResourceExhaustedError(text, {"limit": str(MOST_WAITING)}))
+            if self._waiting_count >= MOST_WAITING_PICTURES:
+                text = f"{MOST_WAITING_PICTURES} pictures are being made already, which is the limit: wait for one"
+                return futures.failed(ResourceExhaustedError(text, {"limit": str(MOST_WAITING_PICTURES)}))
             if self._is_closed:
                 return futures.failed(UalError("this UAV is closed"))
             if self._executor is None:

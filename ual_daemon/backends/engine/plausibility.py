@@ -16,7 +16,7 @@ MAX_ALTITUDE_M = 100_000.0
 """Above this is space."""
 MAX_GEOID_SEPARATION_M = 200.0
 """Between the ellipsoid and mean sea level; on Earth it is between -107 and 86 m."""
-MAX_PARAMETER = 1e7
+MAX_PARAMETER_VALUE = 1e7
 """Of the parameters that are used: speeds, accelerations and jerks, in m or cm."""
 NORM_TOLERANCE = 0.05
 """A quaternion whose norm is within this of 1 is a rotation."""
@@ -92,7 +92,7 @@ class Plausibility:
 
     def accepts_parameter(self, name: str, value: float) -> bool:
         """Judges the value of a parameter that is used."""
-        is_possible = math.isfinite(value) and abs(value) <= MAX_PARAMETER
+        is_possible = math.isfinite(value) and abs(value) <= MAX_PARAMETER_VALUE
         return is_possible or self._drop("parameter", f"{name} of {value:.3g}")
 
     def _drop(self, kind: str, what: str) -> bool:

@@ -14,7 +14,7 @@ from ual_daemon.backends.values import Sample
 
 T = TypeVar("T")
 
-OLDEST_S = 3.0
+LONGEST_REORDERING_S = 3.0
 """Seconds for which a value that was sent earlier than the newest one is ignored; after that the order must be
 wrong.
 """
@@ -56,7 +56,7 @@ class Reading(Generic[T]):
         if the safety pilot had taken the UAV.
         """
         order = self._all.order
-        if order < self._order and now_s - self._received_s < OLDEST_S:
+        if order < self._order and now_s - self._received_s < LONGEST_REORDERING_S:
             return False
         self._order, self._received_s = order, now_s
         return True

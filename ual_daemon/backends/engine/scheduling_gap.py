@@ -25,11 +25,11 @@ class SchedulingGap:
 
         """
         paused_s, self.woke_s = now_s - self.woke_s, now_s
-        if not paused_s > min(limits.PAUSE_S, link_s):
+        if not paused_s > min(limits.READER_PAUSE_S, link_s):
             return 0.0
         self._why, self._ended_s = f"this computer did not run UAL for {paused_s:.1f} s", now_s
         return paused_s
 
     def why(self, now_s: float) -> str:
         """Returns what the last pause was, human-readable, for a while after it; else nothing."""
-        return self._why if now_s - self._ended_s < limits.SHOWN_S else ""
+        return self._why if now_s - self._ended_s < limits.PAUSE_GRACE_S else ""

@@ -291,13 +291,13 @@ class Autopilot(ABC):
 
 
 _RELEASE = ("dev", "alpha", "beta", "rc", "")
-_RELEASE_STEP = 64
+_RELEASE_KIND_FACTOR = 64
 
 
 def version_text(number: int) -> str:
     """Returns the text of a version number of MAVLink (FIRMWARE_VERSION_TYPE in the lowest byte): ``1.17.0 rc``."""
     major, minor, patch, release = number >> 24, number >> 16 & 0xFF, number >> 8 & 0xFF, number & 0xFF
-    kind = _RELEASE[min(-(-release // _RELEASE_STEP), len(_RELEASE) - 1)]
+    kind = _RELEASE[min(-(-release // _RELEASE_KIND_FACTOR), len(_RELEASE) - 1)]
     return f"{major}.{minor}.{patch} {kind}".rstrip()
 
 
@@ -311,15 +311,15 @@ def assumed_text(limits: Limits) -> str:
     )
 
 
-_MOST_NAMED = 3
+_MOST_NAMED_PARAMETERS = 3
 
 
 def assumption_text(missing: Sequence[str], limits: Limits) -> str:
     """Returns, human-readable, that parameters did not come, and what is assumed; empty where none is missing."""
     if not missing:
         return ""
-    more_count = len(missing) - _MOST_NAMED
-    names = ", ".join([*missing[:_MOST_NAMED], *([f"{more_count} more"] if more_count > 0 else [])])
+    more_count = len(missing) - _MOST_NAMED_PARAMETERS
+    names = ", ".join([*missing[:_MOST_NAMED_PARAMETERS], *([f"{more_count} more"] if more_count > 0 else [])])
     return f"it has not sent {names}: assumed are {assumed_text(limits)}"
 
 

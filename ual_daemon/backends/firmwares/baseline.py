@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 
-FRESH_S = 5.0
+REPORT_AGE_LIMIT_S = 5.0
 
 
 class Baseline:
-    """The newest distance. One that is older than `FRESH_S` is not reported."""
+    """The newest distance. One that is older than `REPORT_AGE_LIMIT_S` is not reported."""
 
     def __init__(self) -> None:
         self._told: tuple[float, float] | None = None
@@ -27,6 +27,6 @@ class Baseline:
 
     def fresh_m(self, now_s: float) -> float | None:
         """Returns the distance in metres; None where none has come of late."""
-        if self._told is None or now_s - self._told[1] > FRESH_S:
+        if self._told is None or now_s - self._told[1] > REPORT_AGE_LIMIT_S:
             return None
         return self._told[0]

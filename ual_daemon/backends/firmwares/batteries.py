@@ -6,12 +6,12 @@ import math
 
 from ual.types import Battery
 
-LASTS_S = 20.0
+BATTERY_SILENCE_S = 20.0
 """Seconds without a report after which a battery is gone. PX4 tells of each every 2 s."""
 PAYLOAD = "payload"
 FUNCTIONS = {1: "all", 2: "propulsion", 3: "avionics", 4: PAYLOAD}
 """Consumers that a battery feeds, by MAV_BATTERY_FUNCTION."""
-MOST = 16
+MOST_BATTERIES = 16
 """Most batteries that are kept."""
 
 
@@ -26,10 +26,10 @@ class Batteries:
 
     def on_battery(self, battery: Battery, now_s: float) -> None:
         """Takes what was told of one."""
-        if battery.id not in self._known and len(self._known) >= MOST:
+        if battery.id not in self._known and len(self._known) >= MOST_BATTERIES:
             return
         self._known[battery.id], self._heard_s[battery.id] = battery, now_s
-        for each in [each for each, heard_s in self._heard_s.items() if now_s - heard_s > LASTS_S]:
+        for each in [each for each, heard_s in self._heard_s.items() if now_s - heard_s > BATTERY_SILENCE_S]:
             del self._known[each], self._heard_s[each]
         self.all = tuple(self._known[each] for each in sorted(self._known))
 

@@ -14,33 +14,33 @@ from ual_daemon.backends.values import Cause, Control, ControlState, LandedState
 
 _REFERENCES, _NOT_IN_AIR = Control.REFERENCES, (LandedState.ON_GROUND, LandedState.UNKNOWN)
 """As names of the module: Python looks up a member of an enumeration by a call, and each update would pay."""
-BEFORE_S = 1.5
+SIGN_LEAD_S = 1.5
 """Seconds by which a sign may come before the mode that it explains. PX4's events come 10 to 20 ms before it, ArduPilot
 distinguishes the positions of a switch after 0.2 s, and a heartbeat may be 1 s late.
 """
 EPISODE_S = 3.0
 """Seconds before a failsafe's flight within which PX4 may have reported the trigger."""
-HELD_S = 8.0
+HELD_EPISODE_S = 8.0
 """The same where it has held meanwhile in the mode that was requested: PX4 holds for 5 s first (COM_FAIL_ACT_T)."""
-SETTLE_S = 0.4
+REASON_DELAY_S = 0.4
 """Until then the reason of a new mode may still come. ArduPilot's texts follow the heartbeat, and its SYS_STATUS comes
 at 5 Hz. PX4 may report the mode in a heartbeat before it says whether it was intended."""
 OWN_COMMAND_S = 5.0
 """A mode that comes this soon after a command of ours for it is ours."""
 STREAM_S = 0.5
 """Seconds without a setpoint of ours after which a failsafe may be for that reason alone. Where it is known how long
-the autopilot waits for them, it is `LOST_SHARE` of that.
+the autopilot waits for them, it is `LOST_SETPOINTS_SHARE` of that.
 """
 STATUS_S = 1.2
 """The status of a heartbeat is up to 0.8 s late."""
-LOST_SHARE = 0.9
+LOST_SETPOINTS_SHARE = 0.9
 """Setpoints come later than they were sent, one more than the other."""
-PAUSE_S = 2.5
+COMPUTER_PAUSE_S = 2.5
 """Seconds before the first sight of its mode within which the gap may have ended: a pause of this computer hides the
 mode while it lasts.
 """
-_AIDS = int(Sensor.OPTICAL_FLOW | Sensor.VISION_POSITION)
-_SUSPICIOUS = int(Sensor.BATTERY | Sensor.RC_RECEIVER)
+_AIDING_SENSORS_MASK = int(Sensor.OPTICAL_FLOW | Sensor.VISION_POSITION)
+_SUSPICIOUS_SENSORS_MASK = int(Sensor.BATTERY | Sensor.RC_RECEIVER)
 _SWITCHES_FROM, _SWITCHES_TO, _MOVED_US, _NO_SIGNAL = 5, 16, 100, 65535
 """The first and the last channel that can be a switch, by how much a switch moves one, and the value of one that is not
 there."""
@@ -175,13 +175,13 @@ class CauseWatch:
             self._episode = None
         elif self._episode is None:
             since_s = self._before_s if self._intention[0] == self._mode_name else self._since_s
-            held = self._sign_since(now_s - HELD_S, after_s=max(self._explained_s, since_s))
+            held = self._sign_since(now_s - HELD_EPISODE_S, after_s=max(self._explained_s, since_s))
             self._episode = self._sign_since(now_s - EPISODE_S) or held
 
     def on_sensors(self, enabled: int, healthy: int, now_s: float) -> None:
         """Takes which sensors are enabled and which are healthy (bits of MAV_SYS_STATUS_SENSOR)."""
         self.failing_sensors = enabled & ~healthy
-        aids = enabled & healthy & _AIDS
+        aids = enabled & healthy & _AIDING_SENSORS_MASK
         self.aids = ", ".join(sensor_names(aids)) if aids else ""
         self._healthy_once |= enabled & healthy
         found = self._autopilot.failsafe_of_sensors(self.failing_sensors, self._healthy_once)
@@ -286,7 +286,7 @@ class CauseWatch:
         # After a pause PX4 may have fallen back to a pilot's mode by itself. Without the intended mode, only the status
         # of a heartbeat tells.
         is_status_awaited = not self._names_intended_mode and self._has_paused
-        is_over = now_s - self._since_s > (STATUS_S if is_status_awaited else SETTLE_S)
+        is_over = now_s - self._since_s > (STATUS_S if is_status_awaited else REASON_DELAY_S)
         if self._names_intended_mode and self._is_unintended is None and not is_over:
             # A heartbeat may tell the mode first. The signs alone may be of a failsafe before it: PX4 reports a breach
             # of its fence again with each mode that a ground station selects.
@@ -307,7 +307,7 @@ class CauseWatch:
         return self._other_than_failsafe()
 
     def _other_than_failsafe(self) -> Cause | None:
-        is_switched = self._switched_s >= self._since_s - BEFORE_S
+        is_switched = self._switched_s >= self._since_s - SIGN_LEAD_S
         commanded_s = self._commanded_s.get(self._mode_name, -math.inf)
         newest_s = max(self._commanded_s.values(), default=-math.inf)
         # A switch that moves after a newer command of ours, for another mode, has not waited for the one before.
@@ -320,7 +320,7 @@ class CauseWatch:
 
     def _failsafe_that_flies(self, mode: Mode, *, is_over: bool) -> Cause | None:
         """Returns the failsafe by which the present mode came; None if there is no sign of one (yet)."""
-        begin_s = self._since_s - BEFORE_S
+        begin_s = self._since_s - SIGN_LEAD_S
         if self._is_unintended:
             if self._episode is None and is_over:
                 self._episode = self._unnamed()
@@ -339,7 +339,7 @@ class CauseWatch:
 
     def _unnamed(self) -> Cause:
         """Returns the cause of a failsafe of which nothing was said: setpoints, where none of ours came before it."""
-        is_ill = self.failing_sensors & self._healthy_once & _SUSPICIOUS
+        is_ill = self.failing_sensors & self._healthy_once & _SUSPICIOUS_SENSORS_MASK
         are_missing = self._has_paused or self._mode_name == self._autopilot.fallback_mode
         return Cause.SETPOINTS if are_missing and not is_ill else Cause.FAILSAFE
 
@@ -351,8 +351,8 @@ class CauseWatch:
         needed_ours = self._is_ours_intended if self._is_unintended else self._was_ours
         if self._autopilot.stays_without_setpoints or not needed_ours:
             return False
-        gap_s = self._sent.longest_gap_s(self._since_s - PAUSE_S, self._since_s)
-        return gap_s >= min(STREAM_S, LOST_SHARE * self._setpoints_lost_s())
+        gap_s = self._sent.longest_gap_s(self._since_s - COMPUTER_PAUSE_S, self._since_s)
+        return gap_s >= min(STREAM_S, LOST_SETPOINTS_SHARE * self._setpoints_lost_s())
 
     def _sign_since(self, begin_s: float, after_s: float = -math.inf) -> Cause | None:
         """Returns the newest sign since a time, and after another; missing setpoints only where nothing else shows."""

@@ -42,9 +42,9 @@ TILT_S = 0.2
 MOST_LEAD_M_S2 = 1.5
 """The limit of the lead: an acceleration that jumps must not become a kick."""
 _LEAD_SMOOTHING_S = 0.06
-_SMOOTHING_S = 0.5
-_LONGEST_GAP_S = 0.3
-_MEMORY_S = 60.0
+_PULL_SMOOTHING_S = 0.5
+_LONGEST_SAMPLE_GAP_S = 0.3
+_DRAG_MEMORY_S = 60.0
 _LEAST_SPEED_M_S = 1.0
 """At lower speeds nothing is learned about drag, and nothing forgotten."""
 _JUMP_M = 0.5
@@ -52,9 +52,9 @@ _JUMP_M = 0.5
 _PRIOR_M2_S = 1.0
 """The variance of the velocity (m^2/s^2 times seconds) at which half of the measured drag is used: with less of it the
 estimate stays close to what was expected."""
-_TOLD_M2_S = 10.0
+_REPORTED_VARIANCE_M2_S = 10.0
 """The variance from which on the drag is worth to be reported."""
-_TOLD_STEP_1_S = 0.1
+_REPORTED_DRAG_STEP_1_S = 0.1
 VELOCITY_GAINS = {"MPC_XY_VEL_P_ACC": 1.8, "MPC_XY_VEL_D_ACC": 0.2}
 """The gains by which PX4 follows a horizontal velocity, as they are shipped."""
 (_P_NAME, _P), (_D_NAME, _D) = VELOCITY_GAINS.items()
@@ -109,7 +109,7 @@ class FeedForward:
         old, q = self._smooth, pose.orientation
         passed_s = math.inf if old is None else time_s - old.time_s
         is_continued = (
-            old is not None and 0.0 <= passed_s <= _LONGEST_GAP_S and not _jumps(old, pose, velocity, passed_s)
+            old is not None and 0.0 <= passed_s <= _LONGEST_SAMPLE_GAP_S and not _jumps(old, pose, velocity, passed_s)
         )
         upright = 1.0 - 2.0 * (q.x * q.x + q.y * q.y)  # the vertical part of the body's upward axis
         if old is None or not is_continued or upright < _LEAST_TILT_COSINE:
@@ -119,8 +119,8 @@ class FeedForward:
             self.velocity_error = Vector3()
             return
         # In plain numbers, as each sample passes here.
-        share, (vx, vy, vz), (px, py) = 1.0 - math.exp(-passed_s / _SMOOTHING_S), old.velocity, old.pull
-        factor = (GRAVITY_M_S2 + (velocity.z - vz) / _SMOOTHING_S) / upright
+        share, (vx, vy, vz), (px, py) = 1.0 - math.exp(-passed_s / _PULL_SMOOTHING_S), old.velocity, old.pull
+        factor = (GRAVITY_M_S2 + (velocity.z - vz) / _PULL_SMOOTHING_S) / upright
         pull_x, pull_y = 2.0 * (q.x * q.z + q.w * q.y) * factor, 2.0 * (q.y * q.z - q.w * q.x) * factor
         vx, vy, vz = vx + (velocity.x - vx) * share, vy + (velocity.y - vy) * share, vz + (velocity.z - vz) * share
         px, py = px + (pull_x - px) * share, py + (pull_y - py) * share
@@ -130,12 +130,15 @@ class FeedForward:
         self.velocity_error = Vector3(x * kept, y * kept, z * kept)
         if math.hypot(vx, vy) > _LEAST_SPEED_M_S:
             smooth = Vector3(vx, vy, vz)
-            self._sums.add(smooth, Vector3(px, py, 0.0) - (velocity - smooth) / _SMOOTHING_S, passed_s)
+            self._sums.add(smooth, Vector3(px, py, 0.0) - (velocity - smooth) / _PULL_SMOOTHING_S, passed_s)
             self.drag_1_s = max(0.0, min(MOST_DRAG_1_S, self._sums.slope()))
             self._tell()
 
     def _tell(self) -> None:
-        if abs(self.drag_1_s - self._told_1_s) > _TOLD_STEP_1_S and self._sums.variance() > _TOLD_M2_S:
+        if (
+            abs(self.drag_1_s - self._told_1_s) > _REPORTED_DRAG_STEP_1_S
+            and self._sums.variance() > _REPORTED_VARIANCE_M2_S
+        ):
             self._told_1_s = self.drag_1_s
             logs.event(_log, logging.INFO, "drag_learned", drag_1_s=round(self.drag_1_s, 2))
 
@@ -182,7 +185,7 @@ class FeedForward:
         """Returns the acceleration as it will be by the time the vehicle has tilted."""
         last = self._last
         passed_s = math.inf if last is None else now_s - last[0]
-        if last is None or passed_s > _LONGEST_GAP_S:
+        if last is None or passed_s > _LONGEST_SAMPLE_GAP_S:
             self._last = (now_s, a)
             return a
         s, share = last[1], 1.0 - math.exp(-max(0.0, passed_s) / _LEAD_SMOOTHING_S)
@@ -214,7 +217,7 @@ def _error(old: _Smooth, p: Vector3, v: Vector3, passed_s: float, share: float) 
 
 
 class _Sums:
-    """The least-squares line of horizontal acceleration over velocity, of the last `_MEMORY_S`.
+    """The least-squares line of horizontal acceleration over velocity, of the last `_DRAG_MEMORY_S`.
 
     Both axes have one slope; each has its own offset, the constant part (wind). `expected` is the slope before there is
     any.
@@ -228,7 +231,7 @@ class _Sums:
     def add(self, velocity: Vector3, acceleration: Vector3, weight_s: float) -> None:
         """Adds a point, weighted by the time that it stands for."""
         v, a = Vector3(velocity.x, velocity.y, 0.0), Vector3(acceleration.x, acceleration.y, 0.0)
-        keep = math.exp(-weight_s / _MEMORY_S)
+        keep = math.exp(-weight_s / _DRAG_MEMORY_S)
         self._weight = self._weight * keep + weight_s
         self._v, self._a = self._v * keep + v * weight_s, self._a * keep + a * weight_s
         self._vv = self._vv * keep + v.dot(v) * weight_s

@@ -24,11 +24,11 @@ R = TypeVar("R")
 SET_RELAY, SET_SERVO, SET_ACTUATOR, GRIPPER, WINCH = 181, 183, 187, 211, 42600
 """Of MAV_CMD, with DO_ before them."""
 _RELEASE, _GRAB = 0.0, 1.0
-_RATE = 2.0
+_HOLD_RATE_PARAMETER = 2.0
 _ACTUATORS_COUNT = 6
 ANSWER_S = 3.0
 """Seconds for which an answer is awaited. An autopilot answers within 15 ms, over a bad radio within 200."""
-UNSENT_S = 1.5
+UNSENT_ORDER_S = 1.5
 """Seconds after which an order that could not leave is dropped: the UAV is elsewhere then."""
 ONCE = Repeat(every_s=ANSWER_S, most=1)
 AGAIN = Repeat(every_s=0.25, most=round(ANSWER_S / 0.25))
@@ -114,7 +114,7 @@ class ArduPilotGripper(GripperCodec):
             raise NotSupportedError(f"{self._name} takes no rate for a length: it is as WINCH_RATE_MAX says")
         encoded = super().winch(instance, order)
         is_hold = order.action is WinchAction.HOLD
-        return encoded._replace(params=(float(instance), _RATE, 0.0, 0.0)) if is_hold else encoded
+        return encoded._replace(params=(float(instance), _HOLD_RATE_PARAMETER, 0.0, 0.0)) if is_hold else encoded
 
 
 class Px4Gripper(GripperCodec):
@@ -149,6 +149,6 @@ def ordered(command: Command[R], order: PayloadOrder) -> Command[R]:
         command,
         group=f"payload {order.device}",
         repeat=AGAIN if order.holds else ONCE,
-        unsent_s=UNSENT_S,
+        unsent_s=UNSENT_ORDER_S,
         is_told_by_answer=True,
     )

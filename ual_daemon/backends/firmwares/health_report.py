@@ -13,7 +13,7 @@ LINK_PERIOD_S = 1.0
 """Seconds between two computations of the link's quality."""
 TEXTS_S = 40.0
 """ArduPilot repeats what fails before arming every 30 s."""
-READY_S = 1.5
+READY_TEXT_S = 1.5
 """Seconds for which a text of a check counts though it is told to be ready: its SYS_STATUS may be from before the
 check.
 """
@@ -74,6 +74,6 @@ class HealthReport:
         return self._health
 
     def _fresh_texts(self, now_s: float, *, is_ready: bool | None) -> tuple[str, ...]:
-        longest_s = READY_S if is_ready else TEXTS_S
+        longest_s = READY_TEXT_S if is_ready else TEXTS_S
         self._texts = {text: time_s for text, time_s in self._texts.items() if now_s - time_s <= longest_s}
         return tuple(self._texts)

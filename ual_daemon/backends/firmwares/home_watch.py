@@ -9,15 +9,15 @@ from ual_daemon import logs
 
 _log = logging.getLogger(__name__)
 
-TOLERANCE_M = 0.1
+HEIGHT_TOLERANCE_M = 0.1
 """Both heights come in millimetres."""
-_DOUBTS_COUNT = 2
+_CONTRARY_HEIGHTS_COUNT = 2
 """Consecutive heights that must contradict it: one of them may have come late."""
-_LOGGED_M = 0.5
+_LOGGED_MOVE_M = 0.5
 """Metres outside of all logged positions from which a move of home is logged: a PX4 corrects its home for two minutes,
 step by step. It goes back and forth by up to 2.3 m then, several times a second.
 """
-_FAR_M = 3.0
+_LARGE_MOVE_M = 3.0
 """Metres since the last log line from which a move of home is always logged: a ground station may set home back."""
 
 
@@ -27,7 +27,7 @@ class HomeWatch:
     Autopilots tell home seldom (PX4 every 2 s), and a ground station may set it at any time.
     """
 
-    def __init__(self, tolerance_m: float = TOLERANCE_M, doubts_count: int = _DOUBTS_COUNT) -> None:
+    def __init__(self, tolerance_m: float = HEIGHT_TOLERANCE_M, doubts_count: int = _CONTRARY_HEIGHTS_COUNT) -> None:
         self._tolerance_m, self._most_doubts = tolerance_m, doubts_count
         self._doubts_count = 0
         self._logged_m = math.nan
@@ -52,8 +52,8 @@ class HomeWatch:
         return is_contradicted
 
     def _log_move(self, found_m: float, home_m: float) -> None:
-        is_known = self._least_m - _LOGGED_M < found_m < self._most_m + _LOGGED_M
-        if is_known and abs(found_m - self._logged_m) < _FAR_M:
+        is_known = self._least_m - _LOGGED_MOVE_M < found_m < self._most_m + _LOGGED_MOVE_M
+        if is_known and abs(found_m - self._logged_m) < _LARGE_MOVE_M:
             return
         self._logged_m, moved_m = found_m, round(found_m - home_m, 2)
         self._least_m, self._most_m = min(self._least_m, found_m), max(self._most_m, found_m)

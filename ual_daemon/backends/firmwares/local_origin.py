@@ -12,14 +12,14 @@ from ual_daemon.geodesy import Projection
 
 _log = logging.getLogger(__name__)
 
-TOLERANCE_M = 0.5
+ORIGIN_TOLERANCE_M = 0.5
 """A recorded flight of ArduPilot differs by 0.014 m at most; both positions are of the same estimate."""
-_TOLERANCE_SHARE = 1e-4
+_DISTANCE_TOLERANCE_SHARE = 1e-4
 """The part of the distance from the origin that is added to it, for projections that differ a little."""
-_LONGEST_S = 0.3
+_LONGEST_POSITION_GAP_S = 0.3
 """Positions that are farther apart in time are not compared."""
 _ACCELERATION_M_S2 = 5.0
-_DOUBTS_COUNT = 2
+_CONTRARY_POSITIONS_COUNT = 2
 """Consecutive positions that must contradict the origin: one of them may have been lost or have come late."""
 
 
@@ -41,7 +41,7 @@ class LocalOrigin:
     @property
     def projection(self) -> Projection | None:
         """The projection at the origin; None while it is not known."""
-        return None if self._doubts_count >= _DOUBTS_COUNT else self._origin
+        return None if self._doubts_count >= _CONTRARY_POSITIONS_COUNT else self._origin
 
     def on_origin(self, origin: Projection) -> None:
         """Takes the origin that the autopilot sends. One that is contradicted is not believed for being repeated."""
@@ -58,17 +58,20 @@ class LocalOrigin:
         if newest is None or origin is None:
             return
         passed_s = (boot_ms - newest[0]) / 1000.0
-        if abs(passed_s) > _LONGEST_S:
+        if abs(passed_s) > _LONGEST_POSITION_GAP_S:
             return
         # In plain numbers: 50 come each second.
         _, p, v = newest
         there = origin.to_local(point.latitude_deg, point.longitude_deg, origin.altitude_amsl_m)
         off_m = math.hypot(there.x - p.x - v.x * passed_s, there.y - p.y - v.y * passed_s)
         far_m = math.hypot(p.x, p.y, p.z)
-        if off_m <= TOLERANCE_M + _TOLERANCE_SHARE * far_m + _ACCELERATION_M_S2 / 2 * passed_s * passed_s:
+        if (
+            off_m
+            <= ORIGIN_TOLERANCE_M + _DISTANCE_TOLERANCE_SHARE * far_m + _ACCELERATION_M_S2 / 2 * passed_s * passed_s
+        ):
             self._doubts_count = 0
             return
         self._doubts_count += 1
-        if self._doubts_count == _DOUBTS_COUNT:
+        if self._doubts_count == _CONTRARY_POSITIONS_COUNT:
             logs.event(_log, logging.WARNING, "origin_doubted", why="its positions contradict its origin on Earth")
-        self.is_wanted = self._doubts_count >= _DOUBTS_COUNT
+        self.is_wanted = self._doubts_count >= _CONTRARY_POSITIONS_COUNT

@@ -39,7 +39,7 @@ from ual.types import AltitudeReference
 from ual_daemon.backends.firmwares.mission_items import JUMP, MissionItem
 from ual_daemon.backends.offers.missions import OnItsOwn
 
-_MISSION_FRAME = 2
+_MISSION_FRAME_CODE = 2
 _FRAMES = {AltitudeReference.AMSL: 0, AltitudeReference.HOME: 3}
 _SAME_FRAMES = {5: 0, 6: 3}
 """MAV_FRAME_GLOBAL_INT and its kin mean the same as those without; autopilots give either back."""
@@ -47,7 +47,7 @@ _WAYPOINT, _RETURN, _LAND, _TAKE_OFF, _DELAY = 16, 20, 21, 22, 93
 _YAW, _JUMP, _SPEED, _ROI, _ROI_NONE, _TRIGGER = 115, JUMP, 178, 195, 197, 206
 _START_CAPTURE, _STOP_CAPTURE = 2000, 2001
 _NO_THROTTLE, _GROUND_SPEED, _NOT_USED = -1.0, 1.0, -1.0
-_DEGREES = 1e7
+_UNITS_PER_DEG = 1e7
 _GLOBAL = ("frame", "x", "y", "z")
 _YAW_TOLERANCE_DEG = 0.01
 _LEAST_ALTITUDE_M = 0.01
@@ -198,7 +198,7 @@ _PX4_LOSS = {0: CONTINUE, 2: RETURN, 3: LAND}
 _PX4_IN_MISSION = 1
 """The bit of COM_DLL_EXCEPT for missions."""
 _COPTER_LOSS = {0: CONTINUE, 1: RETURN, 3: RETURN, 4: RETURN, 5: LAND}
-_COPTER_OLD_CONTINUES = 2
+_COPTER_OLD_CONTINUE_ACTION = 2
 _COPTER_CONTINUES = 1 << 1
 """The bit of FS_OPTIONS by which it goes on in AUTO when the ground station is lost."""
 
@@ -299,7 +299,7 @@ class ArduCopterMissions(MissionCodec):
     def on_its_own(self, values: Sequence[float]) -> OnItsOwn:
         action, options, restart = map(int, values)
         why = f"FS_GCS_ENABLE is {action}, FS_OPTIONS {options}"
-        is_continued = options & _COPTER_CONTINUES or action == _COPTER_OLD_CONTINUES
+        is_continued = options & _COPTER_CONTINUES or action == _COPTER_OLD_CONTINUE_ACTION
         anew = f"MIS_RESTART is {restart}" if restart else ""
         return _on_its_own(CONTINUE if is_continued else _COPTER_LOSS.get(action), why, anew)
 
@@ -338,14 +338,14 @@ def _at(
     above: AltitudeReference,
     params: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
 ) -> MissionItem:
-    x, y = round(place.latitude_deg * _DEGREES), round(place.longitude_deg * _DEGREES)
+    x, y = round(place.latitude_deg * _UNITS_PER_DEG), round(place.longitude_deg * _UNITS_PER_DEG)
     return MissionItem(_FRAMES[above], command, *params, x, y, altitude_m)
 
 
 def _do(
     command: int, param1: float = 0.0, param2: float = 0.0, param3: float = 0.0, param4: float = 0.0
 ) -> MissionItem:
-    return MissionItem(_MISSION_FRAME, command, param1, param2, param3, param4)
+    return MissionItem(_MISSION_FRAME_CODE, command, param1, param2, param3, param4)
 
 
 def _camera(items: Sequence[Item], index: int, item: CameraTrigger) -> MissionItem:
@@ -404,7 +404,7 @@ def _kept(item: MissionItem, field: str) -> float:
 
 def _params(item: MissionItem) -> list[float | None]:
     """Returns the seven numbers as files have them: degrees, and None for NaN."""
-    is_global = item.frame != _MISSION_FRAME
-    x, y = (item.x / _DEGREES, item.y / _DEGREES) if is_global else (float(item.x), float(item.y))
+    is_global = item.frame != _MISSION_FRAME_CODE
+    x, y = (item.x / _UNITS_PER_DEG, item.y / _UNITS_PER_DEG) if is_global else (float(item.x), float(item.y))
     params = (item.param1, item.param2, item.param3, item.param4, x, y, item.z)
     return [None if math.isnan(each) else each for each in params]

@@ -10,11 +10,11 @@ import math
 from collections.abc import Sequence
 from typing import NamedTuple
 
-REST_US = 10
+REST_PULSE_US = 10
 """So little above the least pulse a motor stands: it idles 50 us above that at least, and 100 us by default."""
-RESTS_S = 0.2
+MOTORS_REST_S = 0.2
 """Seconds for which all motors must stand: two reports in turn, as one may be of the moment of a disarming."""
-_FRESH_S = 2.0
+_REPORT_AGE_LIMIT_S = 2.0
 """A report that is older says nothing any more."""
 
 
@@ -39,10 +39,10 @@ class MotorOutputs:
         found_us = [] if motors is None else [pulses_us[each] for each in motors.channels if each < count]
         if motors is None or not found_us or not min(found_us):
             return
-        if now_s - self._heard_s > _FRESH_S:
+        if now_s - self._heard_s > _REPORT_AGE_LIMIT_S:
             self._rests_since_s = math.inf
         self._heard_s = now_s
-        do_rest = max(found_us) <= motors.least_us + REST_US
+        do_rest = max(found_us) <= motors.least_us + REST_PULSE_US
         self._rests_since_s = min(self._rests_since_s, now_s) if do_rest else math.inf
 
     def forget(self) -> None:
@@ -51,11 +51,11 @@ class MotorOutputs:
 
     def stand(self, now_s: float) -> bool | None:
         """Returns whether all motors stand; None where that is not known now."""
-        if now_s - self._heard_s > _FRESH_S:
+        if now_s - self._heard_s > _REPORT_AGE_LIMIT_S:
             return None
         if self._rests_since_s == math.inf:
             return False
-        return True if self._heard_s - self._rests_since_s >= RESTS_S else None
+        return True if self._heard_s - self._rests_since_s >= MOTORS_REST_S else None
 
     def turn_since(self, time_s: float) -> bool:
         """Returns whether a motor was told to turn at the newest report, which came after a time."""

@@ -81,19 +81,19 @@ def sensor_names(sensors: int) -> list[str]:
     return [name for bit, name in enumerate(_SENSOR_NAMES) if sensors >> bit & 1]
 
 
-_IGNORE_POSITION = 0b111
-_IGNORE_ACCELERATION = 0b111 << 6
-_IGNORE_YAW = 1 << 10
-IGNORES_POSITION = _IGNORE_POSITION
+_IGNORE_POSITION_BITS = 0b111
+_IGNORE_ACCELERATION_BITS = 0b111 << 6
+_IGNORE_YAW_BIT = 1 << 10
+IGNORES_POSITION = _IGNORE_POSITION_BITS
 """The bits of a type mask that say that a target has no position."""
 POSITION_MASK = 0
 """The type mask of a position target (POSITION_TARGET_TYPEMASK) with everything. A bit that is set ignores a field;
 ArduPilot drops a group of which one bit is set, and restarts GUIDED at each combination that it does not know."""
-UNACCELERATED_MASK = _IGNORE_ACCELERATION
+UNACCELERATED_MASK = _IGNORE_ACCELERATION_BITS
 """The same without the acceleration."""
-VELOCITY_MASK = _IGNORE_POSITION | _IGNORE_ACCELERATION | _IGNORE_YAW
+VELOCITY_MASK = _IGNORE_POSITION_BITS | _IGNORE_ACCELERATION_BITS | _IGNORE_YAW_BIT
 """Velocity and yaw rate."""
-ACCELERATED_VELOCITY_MASK = _IGNORE_POSITION | _IGNORE_YAW
+ACCELERATED_VELOCITY_MASK = _IGNORE_POSITION_BITS | _IGNORE_YAW_BIT
 """The same with an acceleration."""
 
 LOCAL_NED = 1

@@ -12,9 +12,9 @@ from dataclasses import dataclass
 
 from ual_daemon.backends.values import Cause
 
-AUTOPILOT = 1 << 24
+AUTOPILOT_ID = 1 << 24
 """The part of an event's id that says that it is of the autopilot, and not of another component."""
-_WARNING = 4
+_WARNING_LEVEL = 4
 """An external log level (the lower four bits): this one and lower ones are warnings, errors and worse."""
 
 _DENIALS = """
@@ -61,7 +61,7 @@ traffic_avoidance_missing
 """
 """Checks that 1.18 has added."""
 
-_SEVERE = 2
+_CRITICAL_LEVEL = 2
 """An external log level: critical. Lower ones are worse."""
 _SEVERE_NAMES = """
 commander_failsafe_enter commander_failsafe_enter_generic commander_failsafe_enter_hold
@@ -128,7 +128,7 @@ def event_id(name: str) -> int:
     value = 0x811C9DC5
     for byte in name.encode("ascii"):
         value = (value ^ byte) * 0x01000193 & 0xFFFFFFFF
-    return value & 0xFFFFFF | AUTOPILOT
+    return value & 0xFFFFFF | AUTOPILOT_ID
 
 
 _ARMED = {event_id("commander_armed_by"): True, event_id("commander_disarmed_by"): False}
@@ -192,9 +192,9 @@ def read(number: int, boot_s: float, levels: int, arguments: bytes, mode: str) -
     cause, lasting = _cause(number, arguments, mode), number if number in _LASTING else 0
     text, severity = _TEXTS.get(number, ""), levels & 0xF
     severe_text = ""
-    if severity <= _SEVERE and number not in _CHECK_IDS:
+    if severity <= _CRITICAL_LEVEL and number not in _CHECK_IDS:
         severe_text = _SEVERE_TEXTS.get(number, f"event {number}, of which UAL knows no name")
-    if not text or severity > _WARNING or not _concerns(number, arguments, mode):
+    if not text or severity > _WARNING_LEVEL or not _concerns(number, arguments, mode):
         return Event(boot_s, cause=cause, lasting=lasting, severe_text=severe_text, severity=severity)
     is_check = number in _CHECK_IDS
     return Event(

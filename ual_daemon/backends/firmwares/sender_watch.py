@@ -10,7 +10,7 @@ from ual.geometry import Vector3
 from ual_daemon.backends.firmwares.setpoint_monitor import Sent, SetpointMonitor
 from ual_daemon.backends.values import Control, LandedState, Mode, PositionSetpoint, Sample
 
-QUIET_S = 4.0
+OWN_SILENCE_S = 4.0
 """Seconds without a message of ours after which no target of the autopilot is ours any more. ArduPilot ends the last
 one by itself after GUID_TIMEOUT (3 s), and PX4 leaves OFFBOARD without setpoints (COM_OF_LOSS_T, 1 s).
 """
@@ -19,15 +19,15 @@ MOVED_M, MOVED_M_S = 0.5, 0.3
 STRANGE_M, STRANGE_M_S = 1.0, 0.5
 """A target this far from all that we have sent lately is another program's: each autopilot shows the last one exactly.
 """
-AHEAD_S = 3.0
+EXTRAPOLATION_S = 3.0
 """Most seconds for which ArduPilot moves a position on with its velocity until the next one comes (GUID_TIMEOUT)."""
 STRANGE_COUNT, STRANGE_S = 2, 3.0
 """Foreign targets that prove another sender, and the seconds within which they count, while we send."""
-SILENT_S = 2.0
-"""Seconds of the autopilot's silence after which it may show for `QUIET_S` what we had sent before, and what a link
-that was stuck delivers late.
+AUTOPILOT_SILENCE_S = 2.0
+"""Seconds of the autopilot's silence after which it may show for `OWN_SILENCE_S` what we had sent before, and what
+a link that was stuck delivers late.
 """
-SENDING_S = 0.5
+LEAST_SENDING_TIME_S = 0.5
 """Seconds of our sending from which a target is assessed by ours: an older one is from before."""
 _SILENT = "another program sends setpoints: {}"
 _REFERENCES = Control.REFERENCES
@@ -62,19 +62,19 @@ class SenderWatch:
         new = _ReportedTarget(now_s, _finite(position), _finite(velocity), has_position, has_velocity)
         old, self._target = self._target, new
         self._note_received(now_s)
-        if old is None or now_s < self._flies_since_s or now_s - self._back_s <= QUIET_S:
+        if old is None or now_s < self._flies_since_s or now_s - self._back_s <= OWN_SILENCE_S:
             return
         silent_s = now_s - self._sent.last_s
-        if silent_s <= SENDING_S:
+        if silent_s <= LEAST_SENDING_TIME_S:
             self._judge_during_ours(new)
         elif new.has_jumped_from(old) and self._is_strange(new):
             self._find("the autopilot's target has changed, and UAL has sent none", now_s)
-        elif min(silent_s, now_s - self._flies_since_s) > QUIET_S and new.has_moved_from(old):
+        elif min(silent_s, now_s - self._flies_since_s) > OWN_SILENCE_S and new.has_moved_from(old):
             self._find("the autopilot's target moves, and UAL sends none", now_s)
 
     def _judge_during_ours(self, target: _ReportedTarget) -> None:
         now_s = target.time_s
-        if self._sent.duration_s(now_s) <= SENDING_S or not self._is_strange(target):
+        if self._sent.duration_s(now_s) <= LEAST_SENDING_TIME_S or not self._is_strange(target):
             return
         self._strange_s.append(now_s)
         if len(self._strange_s) == STRANGE_COUNT and now_s - self._strange_s[0] <= STRANGE_S:
@@ -104,16 +104,16 @@ class SenderWatch:
             self._doubted_s = math.inf
         self._flies_since_s = min(self._flies_since_s, now_s)
         ours_s = max(self._flies_since_s, self._back_s, self._sent.last_s)
-        is_quiet = now_s - ours_s > QUIET_S
+        is_quiet = now_s - ours_s > OWN_SILENCE_S
         stays_s = 0.0 if mode is None else mode.time_s - ours_s  # a link that is lost says nothing of it
-        if stays_s > QUIET_S and not self._stays:
+        if stays_s > OWN_SILENCE_S and not self._stays:
             self._find("the autopilot stays in a mode that it leaves without setpoints, and UAL sends none", now_s)
-        if self._found and not is_quiet and now_s - self._found_s > QUIET_S:
+        if self._found and not is_quiet and now_s - self._found_s > OWN_SILENCE_S:
             self._found = ""  # UAL flies now, and the other one has been silent
         return self._found
 
     def _note_received(self, time_s: float) -> None:
-        if math.isfinite(self._heard_s) and time_s - self._heard_s > SILENT_S:
+        if math.isfinite(self._heard_s) and time_s - self._heard_s > AUTOPILOT_SILENCE_S:
             self._back_s = time_s
         self._heard_s = max(self._heard_s, time_s)
 
@@ -178,7 +178,7 @@ def _explains(sent: Sent, target: _ReportedTarget) -> bool:
     x, y, z = other.x - own.x, other.y - own.y, other.z - own.z
     speed2 = v.x * v.x + v.y * v.y + v.z * v.z
     if speed2 > 0.0:
-        ahead_s = max(0.0, min(AHEAD_S, (x * v.x + y * v.y + z * v.z) / speed2))
+        ahead_s = max(0.0, min(EXTRAPOLATION_S, (x * v.x + y * v.y + z * v.z) / speed2))
         x, y, z = x - v.x * ahead_s, y - v.y * ahead_s, z - v.z * ahead_s
     return math.hypot(x, y, z) <= STRANGE_M
 

@@ -8,9 +8,9 @@ from typing import TypeAlias
 
 from ual_daemon.backends.values import Setpoint
 
-GAP_S = 0.5
+SETPOINT_GAP_S = 0.5
 """A longer pause between two setpoints is a gap."""
-_RECENT_COUNT = 150
+_RECENT_SETPOINTS_COUNT = 150
 
 Sent: TypeAlias = Setpoint | tuple[float, float, float] | None
 """A setpoint as the autopilot gets it; of a velocity also x, y and z alone. None where it is not known."""
@@ -21,7 +21,7 @@ class SetpointMonitor:
 
     def __init__(self) -> None:
         self._first_and_last_s = (-math.inf, -math.inf)  # replaced as a whole, so that it is read as a whole
-        self.recent: deque[tuple[float, Sent]] = deque(maxlen=_RECENT_COUNT)
+        self.recent: deque[tuple[float, Sent]] = deque(maxlen=_RECENT_SETPOINTS_COUNT)
         """Times and values of the last setpoints."""
 
     @property
@@ -33,7 +33,7 @@ class SetpointMonitor:
         """Takes note of a setpoint that has left."""
         self.recent.append((now_s, setpoint))
         first_s, last_s = self._first_and_last_s
-        self._first_and_last_s = (now_s if now_s - last_s > GAP_S else first_s, now_s)
+        self._first_and_last_s = (now_s if now_s - last_s > SETPOINT_GAP_S else first_s, now_s)
 
     def longest_gap_s(self, since_s: float, until_s: float) -> float:
         """Returns for how long none was sent at most, between two times; of a gap that began earlier, all of it."""
@@ -47,4 +47,4 @@ class SetpointMonitor:
     def duration_s(self, now_s: float) -> float:
         """Returns for how long setpoints have been sent without a gap; 0 while none are sent."""
         first_s, last_s = self._first_and_last_s
-        return 0.0 if now_s - last_s > GAP_S else last_s - first_s
+        return 0.0 if now_s - last_s > SETPOINT_GAP_S else last_s - first_s

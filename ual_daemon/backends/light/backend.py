@@ -61,7 +61,7 @@ _EXTERNAL_POSE_TIMEOUT_S = 0.5
 """Seconds without an external pose after which the position is lost, without satellites."""
 _LOWEST_BATTERY_PERCENT = 5.0
 _FULL_V, _EMPTY_V = 16.8, 13.2
-_SEED_DISTANCE = 1 << 40
+_STEPS_PER_SEED = 1 << 40
 """Larger than the number of steps in any world, so that no two vehicles use the same seed."""
 
 _CONTROLS = {FlightMode.GUIDED: Control.REFERENCES, FlightMode.LAND: Control.LAND}
@@ -422,7 +422,7 @@ class LightBackend(Backend):
 
     def _noise(self) -> tuple[Vector3, Vector3]:
         """Returns the errors of position and velocity at this step. They depend only on the seed and the step."""
-        self._random.seed(self._settings.seed * _SEED_DISTANCE + self.world.steps)
+        self._random.seed(self._settings.seed * _STEPS_PER_SEED + self.world.steps)
         position, velocity = (
             Vector3(*(self._random.gauss(0.0, sigma) for _ in range(3))) for sigma in self._noise_sigmas
         )

@@ -45,7 +45,7 @@ from ual_daemon.backends.values import Snapshot
 
 T = TypeVar("T")
 
-MOST_WAITING = 8
+MOST_WAITING_PICTURES = 8
 """Pictures that may wait to be painted, of all cameras of a UAV."""
 PHOTO_MIB = 1.0
 """Storage in MiB that a picture takes, ..."""
@@ -374,9 +374,9 @@ class LightCameras(CameraDrivers):
     def _paint(self, order: PaintOrder) -> Future[bytes]:
         """Has a picture painted, one after the other for all UAVs, so that the flights have the other processors."""
         with self._lock:
-            if len(self._waiting) >= MOST_WAITING:
-                text = f"{MOST_WAITING} pictures are being painted already, which is the limit: wait for one"
-                return futures.failed(ResourceExhaustedError(text, {"limit": str(MOST_WAITING)}))
+            if len(self._waiting) >= MOST_WAITING_PICTURES:
+                text = f"{MOST_WAITING_PICTURES} pictures are being painted already, which is the limit: wait for one"
+                return futures.failed(ResourceExhaustedError(text, {"limit": str(MOST_WAITING_PICTURES)}))
             if self._is_closed:
                 return futures.failed(UalError("this UAV is closed"))
             painted = self._painter.paint(order)

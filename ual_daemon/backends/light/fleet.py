@@ -15,15 +15,15 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from ual_daemon.backends.light.physics import (
-    COMMAND_HEADROOM,
+    COMMAND_SPEED_FACTOR,
     GRAVITY_M_S2,
     LANDED_AFTER_S,
-    LANDED_DRAIN,
+    LANDED_DRAIN_SHARE,
+    LEAST_LIMIT_VALUE,
     LIFT_OFF_M,
+    PHYSICS_STEP_S,
     POSITION_GAIN,
     SETPOINT_TIMEOUT_S,
-    STEP_S,
-    TINY,
     WIND_DRAG,
     YAW_GAIN,
     FlightMode,
@@ -127,7 +127,7 @@ class Fleet:
 
     def set_setpoint(self, index: int, setpoint: Setpoint, now_s: float) -> None:
         """Sets the setpoint of one autopilot."""
-        is_next = self.by_position.item(index) and now_s - self.setpoint_s.item(index) < 1.5 * STEP_S
+        is_next = self.by_position.item(index) and now_s - self.setpoint_s.item(index) < 1.5 * PHYSICS_STEP_S
         self.setpoint_s[index] = now_s
         self.goal_yaw_rate[index] = setpoint.yaw_rate_rad_s
         if isinstance(setpoint, PositionSetpoint):
@@ -164,7 +164,7 @@ class Fleet:
             self.goal_yaw_rate[index] = 0.0
 
     def step(self, now_s: float) -> None:
-        """Moves all vehicles by one step of `STEP_S`."""
+        """Moves all vehicles by one step of `PHYSICS_STEP_S`."""
         lost_setpoints = (self.mode == FlightMode.GUIDED) & (now_s - self.setpoint_s > SETPOINT_TIMEOUT_S)
         for index in np.flatnonzero(lost_setpoints & ~self.is_landed):
             self.set_mode(int(index), FlightMode.HOLD)
@@ -175,9 +175,14 @@ class Fleet:
         place = self.position
         self._accelerate(command)
         self.yaw_rate = np.where(self.is_landed, 0.0, np.clip(yaw_rate, -self.max_yaw_rate, self.max_yaw_rate))
-        self.yaw = np.remainder(self.yaw + self.yaw_rate * STEP_S + math.pi, math.tau) - math.pi
+        self.yaw = np.remainder(self.yaw + self.yaw_rate * PHYSICS_STEP_S + math.pi, math.tau) - math.pi
         self._touch_ground(command, place)
-        drain = np.where(self.is_landed, LANDED_DRAIN, 1.0) * self.is_armed * (100.0 * STEP_S) / self.endurance_s
+        drain = (
+            np.where(self.is_landed, LANDED_DRAIN_SHARE, 1.0)
+            * self.is_armed
+            * (100.0 * PHYSICS_STEP_S)
+            / self.endurance_s
+        )
         self.battery_percent = np.maximum(0.0, self.battery_percent - drain)
 
     def _commands(self) -> tuple[Floats, Floats]:
@@ -211,7 +216,7 @@ class Fleet:
         """Applies the first-order response to the velocity commands, within the limits; integrates by the trapezoidal
         rule.
         """
-        limit = COMMAND_HEADROOM
+        limit = COMMAND_SPEED_FACTOR
         command = _limited(command, limit * self.horizontal_speed, limit * self.vertical_speed)
         acceleration = (command - self.velocity) / self.response_s[:, None]
         # The limits apply without wind. Against the wind the vehicle can accelerate by as much more as the wind needs.
@@ -225,15 +230,15 @@ class Fleet:
         before = self.velocity
         # Limits the horizontal and the vertical part separately: this gives the nearest velocity within the limits,
         # which needs no more acceleration.
-        after = before + acceleration * STEP_S
+        after = before + acceleration * PHYSICS_STEP_S
         fast = np.hypot(after[:, 0], after[:, 1]) / self.horizontal_speed
         after[:, :2] /= np.maximum(1.0, fast)[:, None]
         after[:, 2] = np.clip(after[:, 2], -self.vertical_speed, self.vertical_speed)
         after = np.where(self.is_armed[:, None], after, 0.0)
         falls = ~self.is_landed & ~(self.is_armed & (self.power > 0.0))
-        after[falls] = before[falls] - (0.0, 0.0, GRAVITY_M_S2 * STEP_S)
+        after[falls] = before[falls] - (0.0, 0.0, GRAVITY_M_S2 * PHYSICS_STEP_S)
         self.velocity = after
-        self.position = self.position + (before + after) * (STEP_S / 2)
+        self.position = self.position + (before + after) * (PHYSICS_STEP_S / 2)
 
     def _touch_ground(self, command: Floats, place: Floats) -> None:
         """Keeps vehicles above the ground, and those that stand on it at their `place`. Reports a landing after a
@@ -244,7 +249,7 @@ class Fleet:
         self.velocity[sits] = 0.0
         self.position[sits, :2] = place[sits, :2]
         self.position[:, 2] = np.maximum(self.position[:, 2], self.ground)
-        self.on_ground_s = np.where(sits, self.on_ground_s + STEP_S, 0.0)
+        self.on_ground_s = np.where(sits, self.on_ground_s + PHYSICS_STEP_S, 0.0)
         up = self.position[:, 2] > self.ground + LIFT_OFF_M
         self.is_landed = (self.is_landed | (self.on_ground_s >= LANDED_AFTER_S)) & ~up
         self.has_flown = (self.has_flown | up) & self.is_armed
@@ -258,8 +263,8 @@ class Fleet:
 
 def _limited(vectors: Floats, horizontal: Floats, vertical: Floats) -> Floats:
     """Scales vectors (N, 3) down to the limits, and keeps their directions."""
-    excess = np.maximum(  # TINY: a limit of 0 (motors without power) would divide by zero
-        np.hypot(vectors[:, 0], vectors[:, 1]) / np.maximum(horizontal, TINY),
-        np.abs(vectors[:, 2]) / np.maximum(vertical, TINY),
+    excess = np.maximum(  # LEAST_LIMIT_VALUE: a limit of 0 (motors without power) would divide by zero
+        np.hypot(vectors[:, 0], vectors[:, 1]) / np.maximum(horizontal, LEAST_LIMIT_VALUE),
+        np.abs(vectors[:, 2]) / np.maximum(vertical, LEAST_LIMIT_VALUE),
     )
     return vectors / np.maximum(1.0, excess)[:, None]

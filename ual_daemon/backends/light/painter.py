@@ -23,10 +23,10 @@ _PACKAGES = Path(__file__).parents[3]
 """Folder that contains `ual_daemon`. The process starts there, so that no file of the user's directory is taken for a
 module.
 """
-_END_S = 5.0
-PATIENCE_S = 15.0
+_PROCESS_END_S = 5.0
+PICTURE_TIMEOUT_S = 15.0
 """A process that has not painted a picture by then is killed."""
-_NICENESS = 10
+_PAINTER_NICENESS = 10
 
 
 class Painter:
@@ -66,14 +66,14 @@ class _Easel:
     def close(self) -> None:
         """See `Painter`."""
         self._thread.shutdown(wait=False, cancel_futures=True)
-        with self._killing_after(_END_S):
+        with self._killing_after(_PROCESS_END_S):
             self._thread.shutdown()
         self._end()
 
     def _painted(self, order: PaintOrder) -> bytes:
         connection = self._connection or self._start()
         try:
-            with self._killing_after(PATIENCE_S):
+            with self._killing_after(PICTURE_TIMEOUT_S):
                 connection.send(order)
                 return connection.recv_bytes()
         except (EOFError, OSError):
@@ -116,10 +116,10 @@ class _Easel:
             return "it was not started"
         connection.close()
         try:
-            return f"status {process.wait(_END_S)}"
+            return f"status {process.wait(_PROCESS_END_S)}"
         except subprocess.TimeoutExpired:
             process.kill()
-            return f"status {process.wait(_END_S)}"
+            return f"status {process.wait(_PROCESS_END_S)}"
 
 
 def _lower_priority(pid: int) -> None:
@@ -129,7 +129,7 @@ def _lower_priority(pid: int) -> None:
     with suppress(ProcessLookupError):  # it has ended already, which the next picture says
         if hasattr(os, "sched_setscheduler") and os.sched_getscheduler(pid) in (os.SCHED_FIFO, os.SCHED_RR):
             os.sched_setscheduler(pid, os.SCHED_OTHER, os.sched_param(0))
-        os.setpriority(os.PRIO_PROCESS, pid, os.getpriority(os.PRIO_PROCESS, pid) + _NICENESS)
+        os.setpriority(os.PRIO_PROCESS, pid, os.getpriority(os.PRIO_PROCESS, pid) + _PAINTER_NICENESS)
 
 
 def _environment() -> dict[str, str]:

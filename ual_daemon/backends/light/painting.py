@@ -25,7 +25,7 @@ Picture = NDArray[np.uint8]
 GRID_M = 1.0
 LINE_M, AXIS_M = 0.05, 0.12
 """The widths of a line of the grid, and of the two through the origin."""
-NEAREST_M = 0.02
+NEAREST_GROUND_M = 0.02
 """Least height in metres over the ground at which a camera is painted."""
 HAZE_M = 400.0
 """Distance in metres at which 63 % of a colour is that of the horizon."""
@@ -34,7 +34,7 @@ HORIZON, ZENITH = (214.0, 222.0, 230.0), (84.0, 138.0, 214.0)
 BLACK, WHITE = (16.0, 16.0, 16.0), (244.0, 244.0, 244.0)
 SKY_LABEL, GROUND_LABEL, FIRST_MARKER_LABEL = 0, 1, 2
 """Values of a pixel in `segments`: the markers count on. A line belongs to the ground."""
-MOST_LABEL = 255
+LAST_MARKER_LABEL = 255
 """All markers from this number on have it."""
 _BLOCK_PX = 32768
 """Pixels, approximately, of a block of rows that is painted at a time: its numbers stay in the processor's cache."""
@@ -85,7 +85,7 @@ def segments(camera: Pose, intrinsics: CameraIntrinsics, scene: PaintedScene) ->
         found = np.full(cast.x.shape, GROUND_LABEL, np.uint8)
         for number, marker in enumerate(scene.markers):
             on_it = _within(marker, cast.x, cast.y)
-            found[on_it.rows, on_it.columns] = min(FIRST_MARKER_LABEL + number, MOST_LABEL)
+            found[on_it.rows, on_it.columns] = min(FIRST_MARKER_LABEL + number, LAST_MARKER_LABEL)
         labels[rows] = np.where(cast.is_ground, found, np.uint8(SKY_LABEL))
     return np.repeat(labels[:, :, None], 3, axis=2)
 
@@ -120,7 +120,7 @@ def _blocks(camera: Pose, intrinsics: CameraIntrinsics, scene: PaintedScene) -> 
 
 def _cast(camera: Pose, rays: Array, scene: PaintedScene) -> _Cast:
     slope = np.maximum(-rays[2], _LEAST_SLOPE)
-    reach = np.float32(max(camera.position.z - scene.ground_z_m, NEAREST_M)) / slope
+    reach = np.float32(max(camera.position.z - scene.ground_z_m, NEAREST_GROUND_M)) / slope
     x, y = rays[0] * reach + np.float32(camera.position.x), rays[1] * reach + np.float32(camera.position.y)
     return _Cast(rays, slope > _LEAST_SLOPE, slope, reach, np.sqrt(np.square(rays).sum(axis=0)), x, y)
 

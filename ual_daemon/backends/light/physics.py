@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from ual_daemon.backends.light.settings import LightSettings
 
-STEP_S = 0.02
+PHYSICS_STEP_S = 0.02
 """The step of simulated time: 50 Hz. Faster setpoints would not help."""
 
 SETPOINT_TIMEOUT_S = 1.0
@@ -21,14 +21,14 @@ WIND_DRAG = 0.1
 compensate.
 """
 GRAVITY_M_S2 = 9.81
-COMMAND_HEADROOM = 1.25
+COMMAND_SPEED_FACTOR = 1.25
 """Velocity commands may exceed the speed limits by this factor, so that the vehicle can reach the limits exactly."""
 LIFT_OFF_M = 0.05
 LANDED_AFTER_S = 0.5
-LANDED_DRAIN = 0.05
+LANDED_DRAIN_SHARE = 0.05
 """The battery drain on the ground with motors running, as a part of the drain in flight."""
-TINY = 1e-9
-NEVER_REPORTED = -1
+LEAST_LIMIT_VALUE = 1e-9
+NO_CONDITIONS_CODE = -1
 
 
 class FlightMode(IntEnum):
@@ -70,7 +70,7 @@ def initial_row(settings: LightSettings) -> dict[str, Any]:
         "wind": settings.wind_m_s,
         "power": 1.0,
         "has_position": True,
-        "reported_conditions": NEVER_REPORTED,
+        "reported_conditions": NO_CONDITIONS_CODE,
         "horizontal_speed": settings.horizontal_speed_m_s,
         "vertical_speed": settings.vertical_speed_m_s,
         "horizontal_acceleration": settings.horizontal_acceleration_m_s2,

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _SIGNATURE = b"\x89PNG\r\n\x1a\n"
-_SUB = 1
+_SUB_FILTER_TYPE = 1
 """The filter of each row: what is written is the difference to the pixel before."""
 _COMPRESSION_LEVEL, _MEMORY = 1, 9
 
@@ -22,7 +22,7 @@ def encode(picture: NDArray[np.uint8]) -> bytes:
     """
     height_px, width_px, _ = picture.shape
     rows = np.empty((height_px, 1 + 3 * width_px), np.uint8)
-    rows[:, 0] = _SUB
+    rows[:, 0] = _SUB_FILTER_TYPE
     plain = picture.reshape(height_px, 3 * width_px)
     rows[:, 1:4] = plain[:, :3]
     np.subtract(plain[:, 3:], plain[:, :-3], out=rows[:, 4:])

@@ -17,7 +17,7 @@ from ual_daemon.backends.light.physics import FlightMode
 from ual_daemon.backends.light.world import Vehicles, World
 from ual_daemon.backends.values import Cause
 
-_MAX_SIGMA = 1000.0
+_MAX_NOISE_VALUE = 1000.0
 
 
 class Simulated(Protocol):
@@ -137,8 +137,8 @@ class LightSimulation(Simulation):
     def set_noise(self, *, position_m: float, velocity_m_s: float) -> None:
         """Sets the standard deviations of the estimates."""
         self._backend.set_noise(
-            validation.not_negative(position_m, "position_m", at_most=_MAX_SIGMA),
-            validation.not_negative(velocity_m_s, "velocity_m_s", at_most=_MAX_SIGMA),
+            validation.not_negative(position_m, "position_m", at_most=_MAX_NOISE_VALUE),
+            validation.not_negative(velocity_m_s, "velocity_m_s", at_most=_MAX_NOISE_VALUE),
         )
 
     @override

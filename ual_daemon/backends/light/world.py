@@ -19,7 +19,7 @@ from ual_daemon import logs
 from ual_daemon.backends.engine.contained import ErrorBarrier
 from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.light.painter import Painter
-from ual_daemon.backends.light.physics import NEVER_REPORTED, STEP_S
+from ual_daemon.backends.light.physics import NO_CONDITIONS_CODE, PHYSICS_STEP_S
 from ual_daemon.backends.light.settings import LightSettings
 from ual_daemon.backends.light.single import Single
 
@@ -31,20 +31,20 @@ _log = logging.getLogger(__name__)
 Vehicles: TypeAlias = "Single | Fleet"
 """All vehicles of a world; each has its row in every column."""
 
-_MAX_STEPS_BEHIND = 10
-_MAX_STEP_S = 3600.0
-_MAX_EVERY = 5
+_MOST_LATE_STEPS = 10
+_LONGEST_COMMANDED_STEP_S = 3600.0
+_MOST_STEPS_PER_UPDATE = 5
 """10 updates a second: fewer are not enough to fly."""
-_MAX_SHARE = 0.7
+_BUSY_TIME_SHARE = 0.7
 """The part of its time that a step may use. The rest is for the server, which needs Python's lock, too."""
-_LOW_SHARE = 0.5
-"""Updates become more frequent only if a step would then use less than this. The distance to `_MAX_SHARE` keeps the
-rate from switching back and forth.
+_IDLE_TIME_SHARE = 0.5
+"""Updates become more frequent only if a step would then use less than this. The distance to `_BUSY_TIME_SHARE` keeps
+the rate from switching back and forth.
 """
 LAG_S = 0.5
 """Simulated time that is further behind than this is reported."""
-_SMOOTHING_STEPS = 25.0
-_LARGEST_SHARE = 2.0
+_SMOOTHED_STEPS_COUNT = 25.0
+_LARGEST_TIME_SHARE = 2.0
 """Larger values count as this: they come from a process that was stopped for a moment, not from a slow computer."""
 
 
@@ -72,10 +72,10 @@ class Thinning:
         """Adds a measurement: which part of its time a step used, including updates. Returns whether `every` has become
         larger than ever before.
         """
-        self._share += (min(share, _LARGEST_SHARE) - self._share) / _SMOOTHING_STEPS
-        if self._share > _MAX_SHARE and self.every < _MAX_EVERY:
+        self._share += (min(share, _LARGEST_TIME_SHARE) - self._share) / _SMOOTHED_STEPS_COUNT
+        if self._share > _BUSY_TIME_SHARE and self.every < _MOST_STEPS_PER_UPDATE:
             every = self.every + 1
-        elif self.every > 1 and self._share * self.every / (self.every - 1) < _LOW_SHARE:
+        elif self.every > 1 and self._share * self.every / (self.every - 1) < _IDLE_TIME_SHARE:
             every = self.every - 1
         else:
             return False
@@ -119,7 +119,7 @@ class World:
 
     def now_s(self) -> float:
         """Returns the simulated seconds since the world was made."""
-        return self._steps * STEP_S
+        return self._steps * PHYSICS_STEP_S
 
     @property
     def steps(self) -> int:
@@ -154,7 +154,7 @@ class World:
             self._changed.notify_all()
         # Reset after the listener was added: before that, a step could mark the conditions as reported without a call.
         with self.lock:
-            self.fleet.reported_conditions[index] = NEVER_REPORTED
+            self.fleet.reported_conditions[index] = NO_CONDITIONS_CODE
 
     def unlisten(self, index: int) -> None:
         """Ends `listen`. Once this has returned, no callback runs any more."""
@@ -206,11 +206,12 @@ class World:
         """
         if self._speed_factor != 0.0:
             raise WrongStateError("the simulated time runs by itself; set the speed factor to 0 to step it")
-        if not 0.0 < duration_s <= _MAX_STEP_S:
+        if not 0.0 < duration_s <= _LONGEST_COMMANDED_STEP_S:
             raise InvalidArgumentError(
-                f"duration_s: {duration_s:g} is not above 0 and at most {_MAX_STEP_S:g}", {"field": "duration_s"}
+                f"duration_s: {duration_s:g} is not above 0 and at most {_LONGEST_COMMANDED_STEP_S:g}",
+                {"field": "duration_s"},
             )
-        for _ in range(max(1, round(duration_s / STEP_S))):
+        for _ in range(max(1, round(duration_s / PHYSICS_STEP_S))):
             self._step_once()
 
     @contextmanager
@@ -280,9 +281,9 @@ class World:
                         self._changed.wait(due_s - now_s)
                         continue
                     # Catches up at most this many steps. On a computer that is too slow, simulated time falls behind.
-                    earliest_s = now_s - _MAX_STEPS_BEHIND * STEP_S / factor
+                    earliest_s = now_s - _MOST_LATE_STEPS * PHYSICS_STEP_S / factor
                     lost_s = max(0.0, earliest_s - due_s) * factor
-                    due_s = max(due_s, earliest_s) + STEP_S / factor
+                    due_s = max(due_s, earliest_s) + PHYSICS_STEP_S / factor
             if factor == math.inf:
                 time.sleep(0)  # lets other threads run
             elif lost_s:
@@ -290,6 +291,6 @@ class World:
             with self._stepping:
                 factor = self._speed_factor
                 if 0.0 < factor <= 1.0 and len(self._listeners) > 1:
-                    self._step_in_time(STEP_S / factor)
+                    self._step_in_time(PHYSICS_STEP_S / factor)
                 elif factor != 0.0:
                     self._step_once()

@@ -11,7 +11,7 @@ from ual_daemon.backends.firmwares.feed_forward import Drag
 from ual_daemon.settings import Settings
 
 SECTION = "mavlink"
-FIRST_PORT = 14540
+FIRST_SYSTEM_PORT = 14540
 """The port to which PX4's simulator sends the onboard stream of its first vehicle; the next one's is one higher."""
 
 MavlinkId = Annotated[int, Meta(ge=1, le=254)]
@@ -56,5 +56,5 @@ class MavlinkSettings(Settings, frozen=True, kw_only=True):
 def default_url(ns: str) -> str:
     """Returns where PX4's simulator sends the vehicle of a namespace: ``uav_2`` is at 14541. Loopback only."""
     number = re.search(r"_(\d{1,5})$", ns)
-    port = FIRST_PORT + (int(number[1]) if number else 1) - 1
+    port = FIRST_SYSTEM_PORT + (int(number[1]) if number else 1) - 1
     return f"udpin://127.0.0.1:{port}"

@@ -28,7 +28,7 @@ from ual_daemon.backends.rosbridge.calls import ServiceError, ServiceTimeoutErro
 from ual_daemon.backends.values import LandedState, Snapshot
 
 CALL_S = 6.0
-MODE_S = 0.3
+MODE_AGE_LIMIT_S = 0.3
 """A mode is requested only while the present one was said within this time. A PX4 that is armed is queried for a
 heartbeat each 0.2 s, and an ArduPilot streams ten a second. Where they come once a second, a mode leaves with one.
 """
@@ -39,7 +39,7 @@ _AGAIN = Repeat(every_s=1.0, most=5, after_answer_s=0.3)
 _ACCEPTED, _FAILED, _IN_PROGRESS = 0, 4, 5
 _NO_ACK_S = 4.5
 """MAVROS waits for 5 s, and then says FAILED (version 1.21)."""
-_MISSION_START = 300
+_MISSION_START_COMMAND = 300
 _NO_FRAME = 2
 """MAV_FRAME_MISSION."""
 _RESULTS = {1: "TEMPORARILY_REJECTED", 2: "DENIED", 3: "UNSUPPORTED", 4: "FAILED", 6: "CANCELLED"}
@@ -71,7 +71,7 @@ def set_mode(
         mode=name,
         shows=shows_mode(name),
         repeat=_AGAIN,
-        mode_age_s=MODE_S,
+        mode_age_s=MODE_AGE_LIMIT_S,
         setpoints_before_s=setpoints_before_s,
         then=then,
     )
@@ -134,7 +134,7 @@ def fly_mission(autopilot: Autopilot) -> Command[MavrosCall]:
     if codec is None:
         raise NotSupportedError(f"UAL flies no missions of {autopilot.name}")
     what = "fly the mission"
-    start = Command(what, MavrosCall(topics.COMMAND, {"command": _MISSION_START}), FLYING, mode=codec.mode)
+    start = Command(what, MavrosCall(topics.COMMAND, {"command": _MISSION_START_COMMAND}), FLYING, mode=codec.mode)
     return set_mode(codec.mode, what, then=start if codec.is_ardupilot else None)
 
 

@@ -13,11 +13,11 @@ from ual_daemon.backends.engine.loop import Posted
 from ual_daemon.backends.offers.corrections import AutopilotCorrections, Injected, WaitingCorrections
 from ual_daemon.backends.rosbridge import Message
 
-LONGEST_BYTES = 720
+LONGEST_MESSAGE_BYTES = 720
 """The plugin drops what is longer."""
 _FRAGMENT_BYTES = 180
-_FIRST_BYTES = 100
-PACE_S = 0.02
+_FIRST_PART_BYTES = 100
+MESSAGE_PACE_S = 0.02
 """The shortest interval between two messages of ROS: neither the bridge nor the plugin keeps more than one."""
 
 
@@ -47,7 +47,7 @@ class MavrosCorrections(AutopilotCorrections):
         self._why_not = why_not
         self._post = post
         self._clock = clock
-        self._waiting = WaitingCorrections(LONGEST_BYTES)
+        self._waiting = WaitingCorrections(LONGEST_MESSAGE_BYTES)
         self._message = b""
         self._pieces: deque[bytes] = deque()
         self._next_s = -math.inf
@@ -76,7 +76,7 @@ class MavrosCorrections(AutopilotCorrections):
         if why := self._why_not():
             self._drop(why)
         elif now_s >= self._next_s and not self._waits():
-            self._next_s = now_s + PACE_S
+            self._next_s = now_s + MESSAGE_PACE_S
             self._send(now_s)
 
     def _send(self, now_s: float) -> None:
@@ -101,5 +101,5 @@ def pieces(message: bytes) -> list[bytes]:
     reaches the receiver as the same bytes in the same order.
     """
     if len(message) in (2 * _FRAGMENT_BYTES, 3 * _FRAGMENT_BYTES):
-        return [message[:_FIRST_BYTES], message[_FIRST_BYTES:]]
+        return [message[:_FIRST_PART_BYTES], message[_FIRST_PART_BYTES:]]
     return [message]

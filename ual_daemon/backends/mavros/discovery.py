@@ -30,7 +30,7 @@ ASK_S, ASK_AGAIN_S = 1.0, 10.0
 change.
 """
 _CALL_S = 3.0
-_SILENCE_S = 5.0
+_TOPIC_SILENCE_S = 5.0
 """Seconds of silence after which a topic is subscribed to again."""
 
 OnMessage = Callable[[MavrosSession, str, Message, float], None]
@@ -211,7 +211,7 @@ class MavrosDiscovery:
                 continue
             self._subscribed.add(name)
             take = partial(self._on_message, session, topic)
-            silence_s = _SILENCE_S if how.is_required else math.inf
+            silence_s = _TOPIC_SILENCE_S if how.is_required else math.inf
             self._link.subscribe(name, how.kind, take, how.throttle_ms, how.queue_length, silence_s)
 
     def _set_trouble(self, why: str) -> None:
@@ -224,10 +224,10 @@ class MavrosDiscovery:
     def _say(self, why: str) -> None:
         """Logs a trouble, once until all is well again: several services fail in turn while MAVROS is gone."""
         timeless = without_seconds(why)
-        if timeless not in self._said and len(self._said) < _MOST_LOGGED:
+        if timeless not in self._said and len(self._said) < _MOST_LOGGED_TEXTS:
             self._said.add(timeless)
             logs.event(_log, logging.WARNING, "mavros_trouble", why=why)
 
 
-_MOST_LOGGED = 100
+_MOST_LOGGED_TEXTS = 100
 _UNHEARD = "MAVROS hears no autopilot: is its fcu_url right, and its target system (tgt_system) that of the autopilot?"

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import deque
 from statistics import median
 
-_COUNT = 9
-_MOST_M = 200.0
+_ESTIMATES_COUNT = 9
+_MOST_SEPARATION_M = 200.0
 
 
 class Geoid:
@@ -19,23 +19,23 @@ class Geoid:
 
     def __init__(self) -> None:
         self._exact_m: float | None = None
-        self._estimates_m: deque[float] = deque(maxlen=_COUNT)
+        self._estimates_m: deque[float] = deque(maxlen=_ESTIMATES_COUNT)
 
     @property
     def separation_m(self) -> float | None:
         """The separation in metres; None while it is not known."""
         if self._exact_m is not None:
             return self._exact_m
-        return median(self._estimates_m) if len(self._estimates_m) == _COUNT else None
+        return median(self._estimates_m) if len(self._estimates_m) == _ESTIMATES_COUNT else None
 
     def on_exact(self, ellipsoid_m: float, amsl_m: float) -> None:
         """Takes one altitude as MAVROS publishes it, and as the autopilot sent it."""
-        if abs(ellipsoid_m - amsl_m) <= _MOST_M:
+        if abs(ellipsoid_m - amsl_m) <= _MOST_SEPARATION_M:
             self._exact_m = ellipsoid_m - amsl_m
 
     def on_estimate(self, ellipsoid_m: float, amsl_m: float) -> None:
         """Takes two altitudes of the same estimate, of about the same time."""
-        if abs(ellipsoid_m - amsl_m) <= _MOST_M:
+        if abs(ellipsoid_m - amsl_m) <= _MOST_SEPARATION_M:
             self._estimates_m.append(ellipsoid_m - amsl_m)
 
     def amsl_m(self, ellipsoid_m: float) -> float | None:

@@ -16,7 +16,7 @@ from ual_daemon.backends.offers.gimbals import GimbalAttitude
 from ual_daemon.backends.rosbridge import Message
 from ual_daemon.backends.rosbridge.fields import number
 
-OLD_S = 1.0
+ATTITUDE_AGE_LIMIT_S = 1.0
 """Seconds after which a gimbal's attitude counts as unknown."""
 _AXES = "wxyz"
 
@@ -53,11 +53,11 @@ class GimbalTopics:
     def attitude(self, now_s: float) -> GimbalAttitude | None:
         """Returns where it looks, if that was said lately."""
         attitude = self._attitude
-        return attitude if attitude is not None and now_s - attitude.time_s <= OLD_S else None
+        return attitude if attitude is not None and now_s - attitude.time_s <= ATTITUDE_AGE_LIMIT_S else None
 
     def problems(self, now_s: float) -> Sequence[str]:
         """Returns what it has said lately that fails."""
-        return self._problems if now_s - self._said_s <= OLD_S else ()
+        return self._problems if now_s - self._said_s <= ATTITUDE_AGE_LIMIT_S else ()
 
     def _on_mount(self, message: Message, now_s: float) -> None:
         if self._codec is not None and self._codec.tells_mount(self._parameters):

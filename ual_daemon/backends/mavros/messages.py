@@ -20,7 +20,7 @@ from ual_daemon.backends.rosbridge import Message
 from ual_daemon.backends.rosbridge.fields import number, numbers, quaternion, vector
 from ual_daemon.backends.values import LandedState, Mode, PositionSetpoint, Setpoint
 
-_MOST_DIGITS = 3
+_MOST_ID_DIGITS = 3
 """Of the id of a battery."""
 _LANDED = {
     1: LandedState.ON_GROUND,
@@ -38,8 +38,8 @@ _FIX = {
     8: GpsFix.FIX_3D,
 }
 _UNNAMED_MODE = re.compile(r"CMODE\((\d+)\)")
-_DIAGONAL_KNOWN = 3
-_UNKNOWN_U8 = 255
+_DIAGONAL_COVARIANCE_TYPE = 3
+_UNKNOWN_U8_CODE = 255
 
 
 def mode(name: str, autopilot: Autopilot) -> Mode:
@@ -87,7 +87,7 @@ def battery(message: Message) -> Battery:
 def _battery_id(location: str) -> int:
     """Returns the id in MAVROS' ``id0``, the first one's where it says none."""
     number_text = location.removeprefix("id")
-    return int(number_text) if number_text.isdecimal() and len(number_text) <= _MOST_DIGITS else 0
+    return int(number_text) if number_text.isdecimal() and len(number_text) <= _MOST_ID_DIGITS else 0
 
 
 def gps_info(fix: Message, raw: Message | None, satellites_count: int) -> GpsInfo:
@@ -99,14 +99,14 @@ def gps_info(fix: Message, raw: Message | None, satellites_count: int) -> GpsInf
     horizontal_m, vertical_m = _accuracies_m(fix)
     return GpsInfo(
         kind,
-        satellites_count=None if satellites_count in (0, _UNKNOWN_U8) else satellites_count,
+        satellites_count=None if satellites_count in (0, _UNKNOWN_U8_CODE) else satellites_count,
         horizontal_accuracy_m=horizontal_m,
         vertical_accuracy_m=vertical_m,
     )
 
 
 def _accuracies_m(fix: Message) -> tuple[float | None, float | None]:
-    if fix["position_covariance_type"] != _DIAGONAL_KNOWN:
+    if fix["position_covariance_type"] != _DIAGONAL_COVARIANCE_TYPE:
         return None, None
     covariance = numbers(fix["position_covariance"])
     return math.sqrt(max(0.0, covariance[0])), math.sqrt(max(0.0, covariance[8]))

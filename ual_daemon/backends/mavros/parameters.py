@@ -16,7 +16,7 @@ from ual_daemon.backends.rosbridge import Message, RosGeneration
 from ual_daemon.backends.rosbridge.fields import number
 
 FIRST_ROUND_S, LONGEST_ROUND_S = 2.0, 60.0
-AGAIN_S = 30.0
+REQUEST_PERIOD_S = 30.0
 """Seconds between two reads of known parameters: a ground station may have changed them."""
 
 BOOL, INTEGER, DOUBLE = 1, 2, 3
@@ -84,7 +84,7 @@ class ParameterReader:
             self._next_s, self._round_s = now_s + self._round_s, min(2.0 * self._round_s, LONGEST_ROUND_S)
         else:
             self._queue = list(self._parameters) + self._not_requested(absent)
-            self._next_s = now_s + AGAIN_S
+            self._next_s = now_s + REQUEST_PERIOD_S
 
     def _not_requested(self, absent: list[str]) -> list[str]:
         """Returns the optional ones, once: MAVROS logs an error for each that the autopilot does not have."""
@@ -97,7 +97,7 @@ class ParameterReader:
         if self.missing:
             asked_s.clear()  # it has booted
             return []
-        found = [name for name in self._beside() if now_s - asked_s.get(name, -math.inf) >= AGAIN_S]
+        found = [name for name in self._beside() if now_s - asked_s.get(name, -math.inf) >= REQUEST_PERIOD_S]
         asked_s.update(dict.fromkeys(found, now_s))
         return found
 

@@ -53,7 +53,7 @@ way; while it is armed; else.
 HOME_S, ORIGIN_S = 0.5, 2.0
 """Seconds between two requests for home and for the origin while they are not known."""
 _DISGUISED = "it calls itself a multirotor, but is a VTOL"
-_REQUEST_MESSAGE = 512
+_REQUEST_MESSAGE_COMMAND = 512
 _HEARTBEAT_ID, _ORIGIN_ID, _VERSION_ID, _HOME_ID = 0, 49, 148, 242
 _EVENT_BYTES = 40
 
@@ -278,7 +278,7 @@ class MavrosSession:
     def _on_event(self, message: Message, now_s: float) -> None:
         """Takes an event of PX4: in ROS 2 MAVROS publishes them, without the component in their numbers."""
         arguments = bytes(int(each) for each in numbers(message["arguments"])).ljust(_EVENT_BYTES, b"\0")
-        identity = int(message["px4_id"]) | px4_events.AUTOPILOT
+        identity = int(message["px4_id"]) | px4_events.AUTOPILOT_ID
         severity = int(number(message["severity"]))
         event = px4_events.read(identity, 0.0, severity, arguments, self.telemetry.mode_name)
         self._requested_s[_HEARTBEAT_ID] = -math.inf
@@ -368,7 +368,7 @@ class MavrosSession:
         if now_s - self._requested_s[message_id] < period_s or period_s == math.inf:
             return False
         self._requested_s[message_id] = now_s
-        arguments = {"command": _REQUEST_MESSAGE, "param1": float(message_id)}
+        arguments = {"command": _REQUEST_MESSAGE_COMMAND, "param1": float(message_id)}
         self._call_alone(topics.COMMAND, arguments, lambda _: None, CALL_S)
         return True
 

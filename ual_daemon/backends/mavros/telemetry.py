@@ -52,11 +52,11 @@ VELOCITY_LIMIT_S = 1.0
 """Without a velocity that is younger, nothing may be flown: UAL brakes and judges arrivals by it."""
 ATTITUDE_LIMIT_S = 1.2
 """MAVROS goes on publishing poses with the last attitude that came. So ``imu/data`` must show that attitudes come."""
-_TAKEN = 1
+_PHOTO_TAKEN_RESULT = 1
 _SAME_MOMENT_S = 0.1
 _HOME_TOLERANCE_M, _HOME_DOUBTS_COUNT = 0.5, 4
 """The altitude and the height above home are of one message of the autopilot, but come on two topics."""
-_LATE_MS = 100
+_PROMPT_TOPIC_MS = 100
 """Throttling interval in ms from which a topic says nothing about now: its newest message waits in the bridge for that
 time.
 """
@@ -154,7 +154,7 @@ class MavrosTelemetry:
         """Takes a message. Returns False for one that is late, and older than the one before."""
         if not self._ordering.accepts(topic, stamp_s(message)):
             return False
-        is_prompt = topics.TOPICS[topic].throttle_ms < _LATE_MS
+        is_prompt = topics.TOPICS[topic].throttle_ms < _PROMPT_TOPIC_MS
         if is_prompt and (topic != topics.STATE or message["connected"]):
             self._watch.on_message(now_s)
         self.counts[topic] += 1
@@ -199,7 +199,7 @@ class MavrosTelemetry:
 
     def photo(self, message: Message) -> tuple[int, float | None, GeoPoint | None] | None:
         """Reads a CameraImageCaptured: its number, and when (UTC) and where it was taken; None where that failed."""
-        if int(message["capture_result"]) != _TAKEN:
+        if int(message["capture_result"]) != _PHOTO_TAKEN_RESULT:
             return None
         geo = message["geo"]
         place = None

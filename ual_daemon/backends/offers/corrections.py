@@ -19,7 +19,7 @@ MOST_WAITING_BYTES = 8192
 """Most bytes that wait; beyond that the oldest are dropped: 8 s of a usual base station. Older corrections help
 nobody.
 """
-SILENCE_S = 10.0
+HOLDER_SILENCE_S = 10.0
 """Seconds of silence after which a sender loses its turn once another one requests it."""
 
 
@@ -167,4 +167,4 @@ class SenderTurn:
                 self._holder, self._name = None, ""
 
     def _is_held(self) -> bool:
-        return self._holder is not None and self._clock() - self._heard_s < SILENCE_S
+        return self._holder is not None and self._clock() - self._heard_s < HOLDER_SILENCE_S

@@ -16,7 +16,7 @@ from ual_daemon.backends.rosbridge.url import BridgeUrl
 from ual_daemon.backends.rosbridge.websocket import BridgeTransport, Dial
 
 PING_S = 0.1
-DOUBTFUL_S = 0.3
+DOUBTFUL_PING_S = 0.3
 """Seconds without an answer to a ping after which a bridge may have stalled. What it gets then is executed when it goes
 on.
 """
@@ -61,7 +61,7 @@ class Connections:
         """Returns whether no ping waits for long for its answer, so that what is sent is read at once. From any
         thread.
         """
-        return all(now_s - pulse.asked_s <= DOUBTFUL_S for pulse in self._pulses)
+        return all(now_s - pulse.asked_s <= DOUBTFUL_PING_S for pulse in self._pulses)
 
     def flush(self) -> None:
         """Sends what waits.

@@ -26,10 +26,10 @@ _log = logging.getLogger(__name__)
 
 TICK_S = 0.02
 """The longest wait for messages."""
-LOST_S = 0.8
+LOST_LINK_S = 0.8
 """Seconds without a sign of life after which a bridge counts as lost."""
 RETRY_S = 0.2
-_GIVE_UP_S = 3.0
+_ANSWER_TIMEOUT_S = 3.0
 """Seconds without a sign of life after which a connection is made again."""
 _BLOCKED_S, _DOUBT_S = 6.0, 2.0
 """Seconds without an answer of any service after which a connection is made again, and after which rosapi is asked
@@ -41,7 +41,7 @@ _ASK_S, _ASK_AGAIN_S = 3.0, 1.0
 _CBOR_S = 1.5
 """Seconds without a message in CBOR after which a topic is subscribed to in JSON: rosbridge cannot send every type."""
 _REFRESH_S = 0.5
-_LOOK_S = 10.0
+_TYPES_REQUEST_S = 10.0
 """Seconds after which the question is repeated while nothing is missing."""
 
 OnMessage = Callable[[Message, float], None]
@@ -345,13 +345,13 @@ class RosbridgeLink:
         Raises:
             TimeoutError: It is too long.
         """
-        if silent_s > _GIVE_UP_S:
-            raise TimeoutError(f"{self.url} has not answered for {_GIVE_UP_S:g} s")
-        if silent_s > LOST_S and self.state is RosbridgeState.UP:
+        if silent_s > _ANSWER_TIMEOUT_S:
+            raise TimeoutError(f"{self.url} has not answered for {_ANSWER_TIMEOUT_S:g} s")
+        if silent_s > LOST_LINK_S and self.state is RosbridgeState.UP:
             self.state, self.why_not = RosbridgeState.SILENT, f"{self.url} does not answer"
             self._drop_waiting(connections)
             logs.event(_log, logging.WARNING, "bridge_silent", url=str(self.url))
-        elif silent_s <= LOST_S and self.state is RosbridgeState.SILENT:
+        elif silent_s <= LOST_LINK_S and self.state is RosbridgeState.SILENT:
             self._drop_waiting(connections)  # another thread may have put something since
             self.state, self.why_not = RosbridgeState.UP, ""
             logs.event(_log, logging.INFO, "bridge_answers", url=str(self.url))
@@ -395,7 +395,7 @@ class RosbridgeLink:
         self._refresh_subscriptions()
         if self.state is RosbridgeState.ASKING:
             self.state, self.why_not = RosbridgeState.UP, ""
-        self._ask_s = now_s + (_ASK_AGAIN_S if self.faults() else _LOOK_S)
+        self._ask_s = now_s + (_ASK_AGAIN_S if self.faults() else _TYPES_REQUEST_S)
 
     def _refresh_subscriptions(self) -> None:
         """Announces what is published, and subscribes to what can be, and to what has fallen silent.
@@ -484,7 +484,7 @@ class RosbridgeLink:
 
     def _say(self, event: str, why: str) -> None:
         """Logs something once."""
-        if why not in self._said and len(self._said) < _MOST_LOGGED:
+        if why not in self._said and len(self._said) < _MOST_LOGGED_CAUSES:
             self._said.add(why)
             logs.event(_log, logging.WARNING, event, url=str(self.url), why=why)
 
@@ -495,4 +495,4 @@ def _refused(service: str, text: str) -> Future[Message]:
     return answer
 
 
-_MOST_LOGGED = 1000
+_MOST_LOGGED_CAUSES = 1000

@@ -12,8 +12,8 @@ import msgspec
 Message = Mapping[str, Any]
 """A ROS message, or the arguments or values of a service, by the names of their fields."""
 
-_LARGEST_FRAGMENTED_BYTES = 16_000_000
-_MOST_FRAGMENTED = 16
+_LARGEST_FRAGMENTS_BYTES = 16_000_000
+_MOST_FRAGMENTED_MESSAGES = 16
 
 _encode = msgspec.json.Encoder().encode
 _decode = msgspec.json.Decoder().decode
@@ -98,7 +98,7 @@ class Fragments:
             raise OperationError("a fragment without its number or data")
         parts = self._parts.setdefault(ident, {})
         parts[index] = part
-        if sum(map(len, parts.values())) > _LARGEST_FRAGMENTED_BYTES or len(self._parts) > _MOST_FRAGMENTED:
+        if sum(map(len, parts.values())) > _LARGEST_FRAGMENTS_BYTES or len(self._parts) > _MOST_FRAGMENTED_MESSAGES:
             self._parts.clear()
             raise OperationError("too many fragments")
         if len(parts) < int(total):

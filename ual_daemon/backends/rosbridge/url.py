@@ -8,7 +8,7 @@ from typing import NamedTuple
 from ual_daemon.settings import ConfigError
 
 DEFAULT_URL = "rosbridge://127.0.0.1:9090"
-_PORT = 9090
+_DEFAULT_PORT = 9090
 _URL = re.compile(
     r"(?P<scheme>rosbridges?)://(?P<host>\[[0-9A-Fa-f:.]+\]|[^\[\]:/\s]+)(?::(?P<port>[0-9]{1,5}))?"
     r"(?P<namespace>(/[A-Za-z_][A-Za-z0-9_]*)*)/?\Z"
@@ -45,7 +45,7 @@ def parse_url(url: str) -> BridgeUrl:
         ConfigError: It is none of these.
     """
     found = _URL.match(url)
-    port = int(found["port"] or _PORT) if found else 0
+    port = int(found["port"] or _DEFAULT_PORT) if found else 0
     if found is None or not 0 < port < 65536:
         raise ConfigError(f"{url!r} is no address of a rosbridge: rosbridge://HOST:PORT[/NAMESPACE]", "url")
     return BridgeUrl(found["host"].strip("[]"), port, found["namespace"], found["scheme"] == "rosbridges")

@@ -27,10 +27,10 @@ from ual_daemon.backends.rosbridge.url import BridgeUrl
 
 _CONNECT_S = 3.0
 _SLICE_S = 0.05
-_BATCH_BYTES = 65536
+_RECEIVED_BATCH_BYTES = 65536
 _SEND_BUFFER_BYTES = 16384
 """Small, so that setpoints that a stalled bridge does not read are dropped here instead of being flown later."""
-_LARGEST_BYTES = 16_000_000
+_LARGEST_MESSAGE_BYTES = 16_000_000
 
 
 class BridgeTransport(ABC):
@@ -160,7 +160,7 @@ class WebSocket(BridgeTransport):
     def __init__(self, sock: socket.socket, url: BridgeUrl) -> None:
         self._socket = sock
         self._url = url
-        self._protocol = ClientProtocol(parse_uri(url.websocket), max_size=_LARGEST_BYTES)
+        self._protocol = ClientProtocol(parse_uri(url.websocket), max_size=_LARGEST_MESSAGE_BYTES)
         self._lock = threading.Lock()
         """Held whenever the socket is used, closed included: one with TLS that is closed sends unencrypted for a moment
         before its descriptor is. Nothing that blocks is done under it.
@@ -252,7 +252,7 @@ class WebSocket(BridgeTransport):
 
     def _read(self) -> None:
         try:
-            data = self._socket.recv(_BATCH_BYTES)
+            data = self._socket.recv(_RECEIVED_BATCH_BYTES)
         except (BlockingIOError, ssl.SSLWantReadError, ssl.SSLWantWriteError):
             return
         self._heard += 1

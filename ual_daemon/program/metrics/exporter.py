@@ -20,7 +20,7 @@ from ual_daemon.server.addresses import Address
 
 _log = logging.getLogger(__name__)
 
-FRESH_S = 0.5
+VALUES_AGE_LIMIT_S = 0.5
 """Values that are not older than this are served again: no number of requests takes more time from the flight."""
 
 
@@ -38,7 +38,7 @@ class Collected(prometheus_client.registry.Collector):
     @override
     def collect(self) -> Iterator[Metric]:
         now_s = self._clock()
-        if now_s - self._gathered_s >= FRESH_S:
+        if now_s - self._gathered_s >= VALUES_AGE_LIMIT_S:
             self._metrics, self._gathered_s = families(self._gather()), now_s
         yield from self._metrics
 

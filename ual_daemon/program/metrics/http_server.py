@@ -28,12 +28,12 @@ _ANSWER_S = 20.0
 """A client that has not taken its answer after this time is left. Prometheus waits for 10 s by default."""
 MOST_CONNECTIONS = 16
 """Connections beyond which the oldest one ends: a caller that asks at once is served, however many say nothing."""
-_MOST_BYTES = 16 << 10
+_LARGEST_REQUEST_BYTES = 16 << 10
 """Of a request. Prometheus sends about 400."""
-_BACKLOG = 16
-_PAUSE_S = 1.0
+_BACKLOG_CONNECTIONS = 16
+_ACCEPT_RETRY_S = 1.0
 """After a connection that could not be accepted, as no descriptor or memory was left."""
-_END_S = 1.0
+_THREAD_END_S = 1.0
 _END_OF_REQUEST = b"\r\n\r\n"
 
 
@@ -69,7 +69,7 @@ class HttpServer:
         try:
             self._listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             self._listener.bind((address.host, address.port))
-            self._listener.listen(_BACKLOG)
+            self._listener.listen(_BACKLOG_CONNECTIONS)
         except BaseException:
             self._listener.close()
             raise
@@ -101,7 +101,7 @@ class HttpServer:
         if self._loop is not None and self._thread is not None:
             with suppress(RuntimeError):  # it has ended by a defect
                 self._loop.call_soon_threadsafe(self._ended.set)
-            self._thread.join(_END_S)
+            self._thread.join(_THREAD_END_S)
         self._listener.close()
 
     def _run(self, loop: asyncio.AbstractEventLoop, app: Application) -> None:
@@ -146,7 +146,7 @@ class _Serving:
                 connection, _ = await loop.sock_accept(self._listener)
             except OSError as error:
                 self._note_refusal(error.strerror or str(error))
-                await asyncio.sleep(_PAUSE_S)
+                await asyncio.sleep(_ACCEPT_RETRY_S)
                 continue
             self._note_refusal("")
             self._make_room()
@@ -165,7 +165,7 @@ class _Serving:
             return
         self._cause = cause
         if cause:
-            fields = {"server": self._name, "why": cause, "retry_s": _PAUSE_S}
+            fields = {"server": self._name, "why": cause, "retry_s": _ACCEPT_RETRY_S}
             logs.event(_log, logging.ERROR, "connections_fail", **fields)
         else:
             logs.event(_log, logging.INFO, "connections_recovered", server=self._name)
@@ -179,7 +179,7 @@ class _Serving:
     async def _serve(self, connection: socket.socket) -> None:
         writer: asyncio.StreamWriter | None = None
         try:
-            reader, writer = await asyncio.open_connection(sock=connection, limit=_MOST_BYTES)
+            reader, writer = await asyncio.open_connection(sock=connection, limit=_LARGEST_REQUEST_BYTES)
             asking = asyncio.ensure_future(reader.readuntil(_END_OF_REQUEST))
             if await ends_within(asking, REQUEST_S):
                 self._silent.pop(cast("asyncio.Task[None]", asyncio.current_task()), None)

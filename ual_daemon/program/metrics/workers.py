@@ -13,7 +13,7 @@ from ual_daemon.program.metrics.catalogue import MetricSample
 
 ASK = "metrics"
 """The supervisor's word for it."""
-LIMIT_S = 2.0
+ANSWER_TIMEOUT_S = 2.0
 """Seconds without an answer after which a worker does not count as up."""
 
 
@@ -51,11 +51,11 @@ class WorkersMetrics:
         self._asked: Future[list[MetricSample]] = Future()
 
     def samples(self) -> list[MetricSample]:
-        """Returns the values of all workers, and which UAVs are not up. Waits at most `LIMIT_S` for the answers."""
+        """Returns the values of all workers, and which UAVs are not up. Waits `ANSWER_TIMEOUT_S` at most."""
         asked: Future[list[MetricSample]] = Future()
         try:
             self._loop.call_soon_threadsafe(self._ask, asked)
-            return asked.result(2.0 * LIMIT_S)
+            return asked.result(2.0 * ANSWER_TIMEOUT_S)
         except (RuntimeError, NotInTimeError):  # the loop is closed, or closes: the fleet ends
             return []
 
@@ -64,7 +64,7 @@ class WorkersMetrics:
         self._asked, self._found = asked, {}
         for worker in self._workers:
             worker.tell(ASK, self._number)
-        self._loop.call_later(LIMIT_S, self._finish, asked)
+        self._loop.call_later(ANSWER_TIMEOUT_S, self._finish, asked)
         self._finish_if_complete()
 
     def on_answer(self, worker: MeteredWorker, answer: bytes) -> None:

@@ -28,12 +28,12 @@ from ual_daemon.program.network.announcement import UavAnnouncement
 
 _log = logging.getLogger(__name__)
 
-_MOST_IN_REPORT = 128
+_UAVS_PER_REPORT = 128
 """UAVs: about 40 kB, less than what Zenoh sends as one piece."""
 _JOIN_S = 1.0
 _RETRY_S = 1.0
-_PAUSE_S = 0.001
-_CLOSE_S = 8.0
+_PUBLISH_PAUSE_S = 0.001
+_CLOSE_TIMEOUT_S = 8.0
 """Longer than it may wait for a router: a thread that came back from Zenoh while Python ends would abort it."""
 _INSTANCE_BYTES = 8
 
@@ -79,7 +79,7 @@ class Publisher:
         """Leaves the network: its UAVs are gone there at once."""
         self._is_closing.set()
         if self._thread.ident is not None:
-            self._thread.join(_CLOSE_S)
+            self._thread.join(_CLOSE_TIMEOUT_S)
 
     def _run(self) -> None:
         publication = self._join()
@@ -121,10 +121,10 @@ class Publisher:
 
     def reports(self, period_s: float) -> Iterator[Report]:
         """Makes what is reported at once, in pieces, and leaves time to others between two UAVs."""
-        pause_s = min(_PAUSE_S, period_s / 4.0 / len(self._uavs))
-        for begin in range(0, len(self._uavs), _MOST_IN_REPORT):
+        pause_s = min(_PUBLISH_PAUSE_S, period_s / 4.0 / len(self._uavs))
+        for begin in range(0, len(self._uavs), _UAVS_PER_REPORT):
             told: list[UavReport] = []
-            for uav in self._uavs[begin : begin + _MOST_IN_REPORT]:
+            for uav in self._uavs[begin : begin + _UAVS_PER_REPORT]:
                 found = self._guard.run(partial(uav.report, self._host), _nothing)
                 told += [] if found is None else [found]
                 time.sleep(pause_s)  # a flight's thread runs meanwhile

@@ -25,10 +25,10 @@ from ual_daemon import logs
 
 _log = logging.getLogger(__name__)
 
-_MODE = 0o600
+_FILE_PERMISSIONS = 0o600
 _LONGEST_ENTRY_BYTES = 8 << 20
 """Bytes from its end in which the last whole line of a file is searched."""
-_LONGEST_ADDED_BYTES = 4 << 20
+_LONGEST_ADDITION_BYTES = 4 << 20
 _LEAST_SPACE_BYTES = 64 << 10
 """Free bytes that a disk needs to take further lines."""
 _OUTLINE = frozenset({"event", "time", "ns", "id", "identity", "caller", "agent", "method"})
@@ -154,9 +154,9 @@ class AuditFile(AuditOutput):
     @override
     def add(self, entry: dict[str, Any]) -> None:
         text, head = audit.encoded_entry(entry, self._head)
-        if len(text) > _LONGEST_ADDED_BYTES:
+        if len(text) > _LONGEST_ADDITION_BYTES:
             outline = {name: value for name, value in entry.items() if name in _OUTLINE}
-            entry = {**outline, audit.UNTOLD: f"{len(text)} bytes, and a line has at most {_LONGEST_ADDED_BYTES}"}
+            entry = {**outline, audit.UNTOLD: f"{len(text)} bytes, and a line has at most {_LONGEST_ADDITION_BYTES}"}
             text, head = audit.encoded_entry(entry, self._head)
         self._head = head
         self._unwritten += text + b"\n"
@@ -235,7 +235,7 @@ class _OpenedFile(NamedTuple):
 def _open(path: Path) -> _OpenedFile:
     """Opens the file, which no other daemon may write at the same time."""
     try:
-        file = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, _MODE)
+        file = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, _FILE_PERMISSIONS)
     except OSError as error:
         raise AuditError(f"cannot write the audit {path}: {error.strerror}") from None
     try:

@@ -19,16 +19,16 @@ from ual_daemon.program.recording.audit_file import AuditError, AuditOutput, tim
 
 _log = logging.getLogger(__name__)
 
-_MOST_WAITING = 10_000
+_MOST_WAITING_LINES = 10_000
 """Most lines that wait for a disk that takes none."""
-_MOST_BYTES = 64 << 20
+_MOST_WAITING_BYTES = 64 << 20
 """Most bytes of requests and answers that wait."""
 _PIECE_BYTES = 1 << 20
 """Bytes that are encoded at once: a line takes many times the memory of its request."""
-_LOOK_S = 0.5
+_FILE_CHECK_S = 0.5
 """Longest time in s between two checks that the file exists and its disk has space."""
 _RETRY_S = 1.0
-_CLOSE_LIMIT_S = 5.0
+_CLOSE_TIMEOUT_S = 5.0
 
 
 class AuditReport(NamedTuple):
@@ -106,7 +106,7 @@ class AuditWriter:
     def put(self, entry: Callable[[], dict[str, Any]], size_bytes: int = 0) -> None:
         """Writes the line that `entry` makes of so many bytes, soon. From any thread."""
         with self._has_more:
-            if len(self._waiting) < _MOST_WAITING and self._waiting_bytes + size_bytes <= _MOST_BYTES:
+            if len(self._waiting) < _MOST_WAITING_LINES and self._waiting_bytes + size_bytes <= _MOST_WAITING_BYTES:
                 self._waiting.append((entry, size_bytes))
                 self._waiting_bytes += size_bytes
             else:
@@ -120,7 +120,7 @@ class AuditWriter:
         with self._has_more:
             self._is_closing = True
             self._has_more.notify()
-        self._thread.join(_CLOSE_LIMIT_S)
+        self._thread.join(_CLOSE_TIMEOUT_S)
         lines_count = len(self._waiting) + self._untold_loss_count
         if lines_count or self._lines.has_unwritten or self._thread.is_alive():
             why = self._failure or "the disk is too slow"
@@ -133,7 +133,7 @@ class AuditWriter:
         while not has_ended:
             with self._has_more:
                 if not self._is_closing and (self._failure or not self._waiting):
-                    self._has_more.wait(_RETRY_S if self._failure else _LOOK_S)
+                    self._has_more.wait(_RETRY_S if self._failure else _FILE_CHECK_S)
                 is_closing = self._is_closing
             self._turn()
             has_ended = is_closing and (bool(self._failure) or not self._waiting)

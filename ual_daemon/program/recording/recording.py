@@ -11,7 +11,7 @@ from typing_extensions import override
 
 from ual.errors import UalError
 from ual.recording.carried import PayloadRecorder
-from ual.recording.frames import LOOK_S, FrameChanges
+from ual.recording.frames import FRAMES_CHECK_S, FrameChanges
 from ual.recording.log import RecordingHandler
 from ual.recording.pictures import PictureRecorder
 from ual.recording.recorder import QueueFigures, Recorder, Turnover
@@ -86,7 +86,7 @@ class UavRecording(CallObserver):
         now_ns = self._clock.now_ns()
         self._recorder.put(self._telemetry.write_sample, now_ns, sample)
         if now_ns >= self._look_ns:
-            self._look_ns = now_ns + round(LOOK_S * 1e9)
+            self._look_ns = now_ns + round(FRAMES_CHECK_S * 1e9)
             frames = self._frames.due(self._vehicle.frames(), now_ns)
             if frames:
                 self._recorder.put(self._telemetry.write_frames, now_ns, frames)

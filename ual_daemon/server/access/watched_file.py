@@ -19,7 +19,7 @@ T = TypeVar("T")
 
 _log = logging.getLogger(__name__)
 
-_LOOK_S = 0.2
+_CHECK_PERIOD_S = 0.2
 """Seconds between two checks whether the file has changed."""
 
 
@@ -35,7 +35,7 @@ class WatchedFile(Generic[T]):
     """
 
     def __init__(
-        self, path: Path, setting: str, parse: Callable[[bytes], T], *, is_secret: bool, look_s: float = _LOOK_S
+        self, path: Path, setting: str, parse: Callable[[bytes], T], *, is_secret: bool, look_s: float = _CHECK_PERIOD_S
     ) -> None:
         self._path = path
         self._setting = setting

@@ -36,7 +36,7 @@ _NO_FLAGS = 0
 _READ_S = 0.001
 _RETRY_S = 0.1
 """After an error of the queue itself, which may come again at once."""
-_END_S = 5.0
+_THREAD_END_S = 5.0
 """Seconds for which `close` waits for the thread. It ends at once, unless a call never ended."""
 
 
@@ -69,7 +69,7 @@ class CoreTransport(Transport):
 
     @override
     def close(self) -> None:
-        if not self.end(_END_S):
+        if not self.end(_THREAD_END_S):
             _log.warning("a call never ended; the thread that waits for gRPC is left behind")
 
     def end(self, limit_s: float) -> bool:

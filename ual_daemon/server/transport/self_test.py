@@ -18,7 +18,7 @@ import grpc
 from ual_daemon.server.transport.base import ServedCall, TransportServer
 from ual_daemon.server.transport.core import CoreTransport
 
-LIMIT_S = 2.0
+TEST_TIMEOUT_S = 2.0
 """For each call, and for the end. Each takes a millisecond where the core works, the first call some more."""
 ABANDON_S = 0.5
 """For the end of what a failed test leaves."""
@@ -96,8 +96,8 @@ class _SelfTest:
     async def end(self) -> None:
         """Ends the server, and with it the test."""
         assert self._server is not None
-        _require(await self._server.stop(LIMIT_S), "the server does not stop")
-        _require(self._transport.end(LIMIT_S), "the thread does not end")
+        _require(await self._server.stop(TEST_TIMEOUT_S), "the server does not stop")
+        _require(self._transport.end(TEST_TIMEOUT_S), "the thread does not end")
         if self.defect is not None:
             raise self.defect
 
@@ -112,12 +112,12 @@ class _SelfTest:
     # --- The caller ---------------------------------------------------------------------------------------------------
 
     def _call_echo(self, echo: Any) -> None:  # noqa: ANN401
-        answer = echo(_REQUEST, metadata=_METADATA, timeout=LIMIT_S)
+        answer = echo(_REQUEST, metadata=_METADATA, timeout=TEST_TIMEOUT_S)
         _require(answer == _REQUEST, "a unary call has another answer")
 
     def _call_fail(self, fail: Any) -> None:  # noqa: ANN401
         try:
-            fail(_REQUEST, timeout=LIMIT_S)
+            fail(_REQUEST, timeout=TEST_TIMEOUT_S)
         except grpc.RpcError as error:
             status: Any = error
             _require(status.code() is grpc.StatusCode.ABORTED, f"an error comes as {status.code()}: {status.details()}")
@@ -127,10 +127,10 @@ class _SelfTest:
             raise SelfTestError("an error does not come")
 
     def _call_stream(self, stream: Any) -> None:  # noqa: ANN401
-        answers = stream(_REQUEST, timeout=LIMIT_S)
+        answers = stream(_REQUEST, timeout=TEST_TIMEOUT_S)
         _require(list(islice(answers, 2)) == [_FIRST, _SECOND], "a stream has other answers")
         answers.cancel()
-        _require(self._cancelled.wait(LIMIT_S), "a call that is cancelled goes on")
+        _require(self._cancelled.wait(TEST_TIMEOUT_S), "a call that is cancelled goes on")
 
     # --- The server, on its own thread --------------------------------------------------------------------------------
 

@@ -10,7 +10,7 @@ from typing import Any
 from typing_extensions import Self
 
 from ual import _calls
-from ual._lease import KEEP_S
+from ual._lease import KEEP_ALIVE_PERIOD_S
 from ual.aio._connection import Connection
 from ual.errors import LeaseLostError, UalError
 
@@ -82,9 +82,9 @@ class Lease:
 
     async def _keep(self) -> None:
         while self._lost is None:
-            await asyncio.sleep(KEEP_S)
+            await asyncio.sleep(KEEP_ALIVE_PERIOD_S)
             try:
-                await self._connection.run(_calls.keep_lease(self._id), KEEP_S)
+                await self._connection.run(_calls.keep_lease(self._id), KEEP_ALIVE_PERIOD_S)
             except LeaseLostError as error:
                 self._lost = error
                 _log.warning("%s", error)

@@ -8,7 +8,15 @@ from typing import Any
 
 import grpc.aio
 
-from ual._setpoints import CLOSE_S, CONTINUES_S, SETPOINTS, STALE_S, Element, StreamKind, log_settled
+from ual._setpoints import (
+    CLOSE_TIMEOUT_S,
+    CONTINUED_STREAM_S,
+    SETPOINTS,
+    STALE_SETPOINT_S,
+    Element,
+    StreamKind,
+    log_settled,
+)
 from ual.aio._connection import Connection
 from ual.errors import DaemonUnreachableError, UalError
 
@@ -36,7 +44,7 @@ class Setpoints:
             self._accepted_s = None
             raise failure
         now_s = asyncio.get_running_loop().time()
-        if self._accepted_s is None or now_s - self._accepted_s >= CONTINUES_S:
+        if self._accepted_s is None or now_s - self._accepted_s >= CONTINUED_STREAM_S:
             self._has_lost_status = False
             await self._connection.run(self._kind.single(setpoint))
             self._accepted_s = asyncio.get_running_loop().time()
@@ -53,7 +61,7 @@ class Setpoints:
         self._accepted_s = None
         if self._stream is not None:
             self._connection.require_own_loop()
-        is_taken = self._stream is None or await self._stream.close(CLOSE_S)
+        is_taken = self._stream is None or await self._stream.close(CLOSE_TIMEOUT_S)
         failure, self._failure = self._failure, None
         if self._has_lost_status:
             self._has_lost_status = False
@@ -131,5 +139,5 @@ class _Stream:
                 await self._changed.wait()
                 continue
             (setpoint, put_s), self._newest = self._newest, None
-            if loop.time() - put_s <= STALE_S:
+            if loop.time() - put_s <= STALE_SETPOINT_S:
                 await call.write(setpoint)

@@ -30,7 +30,7 @@ _OPERATOR_S = 120.0
 _DISARM_S = 4.0
 # Autopilots disarm by themselves when they are armed and idle; PX4 and ArduPilot after 10 s.
 _FRESHLY_ARMED_S = 5.0
-_HOLDS_S = 2.0
+_HOLD_CHECK_S = 2.0
 _FLYING = (State.FLYING_AUTO, State.FLYING_MANUAL)
 
 
@@ -409,12 +409,12 @@ class Flight:
 
     def require_holds(self, where: Vector3, what: str) -> None:
         """Requires it to stay at a position for a while; uses the mean, because an estimate wanders."""
-        off_m = (mean(map(position, self.let_pass(_HOLDS_S))) - where).norm()
+        off_m = (mean(map(position, self.let_pass(_HOLD_CHECK_S))) - where).norm()
         require(off_m <= self.tolerances.position_m, f"{what}: it is {off_m:.2f} m from its position")
 
     def require_stays(self, what: str) -> None:
         """Requires it to stay where it is."""
-        self.require_holds(mean(map(position, self.let_pass(_HOLDS_S))), what)
+        self.require_holds(mean(map(position, self.let_pass(_HOLD_CHECK_S))), what)
 
     def require_straight(self, samples: Iterable[Telemetry], start: Vector3, goal: Vector3) -> None:
         """Requires it to have stayed on the line from start to goal, and not to have gone beyond the goal."""

@@ -19,7 +19,7 @@ from ual.geometry import IDENTITY, KEEP_HEADING, Pose, PoseStamped, Twist, Vecto
 from ual.types import Capability, State, TaskKind, TaskStatus
 
 _TAKE_OFF = (Capability.TAKE_OFF,)
-_LATE_S = 10.0
+_STAMP_OFFSET_S = 10.0
 
 
 @check(State.LANDED_DISARMED, needs=(Need.NO_ARMING,), capabilities=(Capability.ARM,))
@@ -106,8 +106,8 @@ def bad_poses_from_outside_are_refused(flight: Flight) -> None:
     state, before, now_s = uav.state(), flight.position(), uav.telemetry().stamp_s
     here = Pose(before, IDENTITY)
     for pose, kind, what in (
-        (PoseStamped(here, stamp_s=now_s - _LATE_S), InvalidArgumentError, "that is old"),
-        (PoseStamped(here, stamp_s=now_s + _LATE_S), InvalidArgumentError, "of the future"),
+        (PoseStamped(here, stamp_s=now_s - _STAMP_OFFSET_S), InvalidArgumentError, "that is old"),
+        (PoseStamped(here, stamp_s=now_s + _STAMP_OFFSET_S), InvalidArgumentError, "of the future"),
         (PoseStamped(Pose(before, KEEP_HEADING)), InvalidArgumentError, "without an orientation"),
         (PoseStamped(Pose(Vector3(math.nan, 0.0, 0.0), IDENTITY)), InvalidArgumentError, "that is not finite"),
         (PoseStamped(here, f"{flight.info.namespace}/base_link"), InvalidArgumentError, "in its own body"),

@@ -11,17 +11,17 @@ from ual.types import Capability, State, TaskKind, TaskStatus, Telemetry
 
 _POSITION = (Capability.POSITION,)
 _FLYING = State.FLYING_AUTO
-_AHEAD_M = 4.0
-_AWAY_M = 3.0
-_FARTHEST_M = 30.0
-_SETTLES_S = 2.0
+_GOAL_AHEAD_M = 4.0
+_GOAL_ASIDE_M = 3.0
+_FARTHEST_HOME_M = 30.0
+_REST_DELAY_S = 2.0
 _HOLD_S = 3.0
 
 
 @check(_FLYING, capabilities=_POSITION, moves="4 m ahead, with a pause")
 def a_paused_task_holds_and_goes_on(flight: Flight) -> None:
     """A pause stops the UAV on its way, and the task still runs; after a resume it flies the rest."""
-    uav, goal, start = flight.uav, flight.goal(_AHEAD_M, 0.0), flight.position()
+    uav, goal, start = flight.uav, flight.goal(_GOAL_AHEAD_M, 0.0), flight.position()
     with flight.recording() as recorded:
         task = uav.go_to_waypoint(goal, blocking=False)
         _wait_until_moving(flight)
@@ -54,7 +54,7 @@ def a_paused_task_can_be_ended(flight: Flight) -> None:
     """An abort ends a paused task; afterwards there is nothing to pause or to resume."""
     uav = flight.uav
     flight.refuses(WrongStateError, uav.pause, "a pause without a task")
-    task = uav.go_to_waypoint(flight.goal(_AHEAD_M, 0.0), blocking=False)
+    task = uav.go_to_waypoint(flight.goal(_GOAL_AHEAD_M, 0.0), blocking=False)
     flight.refuses(WrongStateError, task.resume, "resuming a task that is not paused")
     _wait_until_moving(flight)
     task.pause()
@@ -94,10 +94,10 @@ def holds_at_a_waypoint(flight: Flight) -> None:
 def returns_home_and_lands(flight: Flight) -> None:
     """A return flies over home and lands there, as one task, which can be paused until it lands."""
     uav = flight.uav
-    uav.go_to_waypoint(flight.goal(0.0, _AWAY_M))
+    uav.go_to_waypoint(flight.goal(0.0, _GOAL_ASIDE_M))
     plan = uav.dry_run.return_to_launch(HEIGHT_M)
     way_m = plan.length_m or 0.0
-    if way_m > _FARTHEST_M:
+    if way_m > _FARTHEST_HOME_M:
         raise CannotRunError(f"home is far from where it flies: the way there is {way_m:.1f} m")
     begun = flight.position()
     task = uav.return_to_launch(HEIGHT_M, blocking=False)
@@ -115,7 +115,7 @@ def returns_home_and_lands(flight: Flight) -> None:
     flown_m = (flight.position() - begun).horizontal_norm()
     require(flown_m <= way_m + allowed_m, f"it landed {flown_m:.2f} m from where it was, the way was {way_m:.2f} m")
     # Else home is the position where it took off before these checks.
-    if abs(way_m - _AWAY_M) <= 1.0 + 2 * flight.tolerances.drift_m:
+    if abs(way_m - _GOAL_ASIDE_M) <= 1.0 + 2 * flight.tolerances.drift_m:
         off_m = (flight.position() - flight.ground).horizontal_norm()
         require(off_m <= allowed_m, f"it landed {off_m:.2f} m from where it took off")
 
@@ -127,7 +127,9 @@ def _wait_until_moving(flight: Flight) -> None:
 
 def _require_paused(flight: Flight, task: Task) -> None:
     flight.wait(_is_paused, "the pause in the telemetry")
-    flight.let_pass(_SETTLES_S)  # one that has just begun to move is slow, too, and follows the reference to its stop
+    flight.let_pass(
+        _REST_DELAY_S
+    )  # one that has just begun to move is slow, too, and follows the reference to its stop
     flight.wait(flight.is_slow, "rest")
     flight.require_stays("while it is paused")
     info = task.info()

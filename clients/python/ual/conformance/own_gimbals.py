@@ -15,8 +15,8 @@ from ual.interface import Gimbal
 
 TURN_S = 15.0
 """Seconds that a gimbal may take to look elsewhere."""
-NEAR_RAD = 0.05
-TOLD_S = 3.0
+ANGLE_TOLERANCE_RAD = 0.05
+ANGLES_REPORT_S = 3.0
 """Seconds that a gimbal may take to report its attitude."""
 
 
@@ -74,11 +74,11 @@ def _rests(flight: Flight, info: GimbalInfo, gimbal: Gimbal) -> None:
 
 
 def _is_at(pitch_rad: float, status: GimbalStatus) -> bool:
-    return status.angles is not None and abs(status.angles.pitch_rad - pitch_rad) < NEAR_RAD
+    return status.angles is not None and abs(status.angles.pitch_rad - pitch_rad) < ANGLE_TOLERANCE_RAD
 
 
 def _is_on_target(status: GimbalStatus) -> bool:
-    return status.off_target_rad is not None and status.off_target_rad < NEAR_RAD
+    return status.off_target_rad is not None and status.off_target_rad < ANGLE_TOLERANCE_RAD
 
 
 def _comes(flight: Flight, gimbal: Gimbal, is_so: Callable[[GimbalStatus], bool], what: str) -> None:
@@ -113,12 +113,14 @@ def _connected(flight: Flight, *abilities: GimbalAbility) -> list[tuple[GimbalIn
 
 def _tells(flight: Flight, gimbal: Gimbal) -> bool:
     """Returns whether a gimbal with a note says where it looks."""
-    end_s = flight.now_s() + TOLD_S
+    end_s = flight.now_s() + ANGLES_REPORT_S
 
     def tells() -> bool:
         return gimbal.status().angles is not None
 
-    flight.wait(lambda sample: tells() or sample.stamp_s >= end_s, "where it looks, or the time for it", TOLD_S + 10.0)
+    flight.wait(
+        lambda sample: tells() or sample.stamp_s >= end_s, "where it looks, or the time for it", ANGLES_REPORT_S + 10.0
+    )
     return tells()
 
 

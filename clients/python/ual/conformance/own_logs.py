@@ -10,7 +10,7 @@ from ual.errors import InvalidArgumentError, NotSupportedError
 from ual.logs.values import Log
 from ual.types import State
 
-_MOST_BYTES = 100_000
+_MOST_CHECKED_LOG_BYTES = 100_000
 """Bytes at the end of a log that are downloaded: more takes minutes over a radio."""
 
 
@@ -34,7 +34,7 @@ def downloads_a_log(flight: Flight) -> None:
     log = max(_all(flight), key=lambda each: each.size_bytes)
     if not log.size_bytes:
         raise CannotRunError("all logs are empty")
-    begin = max(0, log.size_bytes - _MOST_BYTES)
+    begin = max(0, log.size_bytes - _MOST_CHECKED_LOG_BYTES)
     end = _downloaded(flight, log, begin)
     require(len(end) >= log.size_bytes - begin, f"{len(end)} of {log.size_bytes - begin} bytes came")
     end = end[: log.size_bytes - begin]  # it may grow meanwhile, and its end may be half written

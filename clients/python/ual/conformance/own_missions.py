@@ -17,10 +17,10 @@ from ual.missions.plan import StoredMission
 from ual.types import AltitudeReference, GeoPoint, State, TaskKind, TaskStatus, Telemetry
 
 _HEIGHT_M = 10.0
-_AHEAD_M = 8.0
-_FAR_M = 20.0
+_WAYPOINT_AHEAD_M = 8.0
+_FAR_WAYPOINT_M = 20.0
 _HOLD_S = 5.0
-_PLACED_S = 10.0
+_GPS_POSITION_S = 10.0
 """PX4 counts a place within 10 m (NAV_ACC_RAD) as reached. While it holds there it flies on to it."""
 _DEGREE_M = 111_195.0
 
@@ -48,7 +48,7 @@ def keeps_an_uploaded_mission(flight: Flight) -> None:
     """A mission is kept as it was uploaded, is not flown while disarmed, and is removed."""
     mission = flight.uav.mission
     with _alone(flight):
-        take_off, way = TakeOff(_HEIGHT_M), _ahead(flight, _AHEAD_M, _HEIGHT_M)
+        take_off, way = TakeOff(_HEIGHT_M), _ahead(flight, _WAYPOINT_AHEAD_M, _HEIGHT_M)
         kept = mission.upload([take_off, way])
         first, *rest = kept.items
         # PX4 needs a place for a take-off, and gets that of the UAV.
@@ -68,7 +68,7 @@ def flies_a_mission_of_the_autopilot(flight: Flight) -> None:
     mission, uav = flight.uav.mission, flight.uav
     with _alone(flight):
         begun = flight.position()
-        mission.upload([_ahead(flight, _AHEAD_M, hold_s=_HOLD_S), _ahead(flight, 0.0, hold_s=_HOLD_S)])
+        mission.upload([_ahead(flight, _WAYPOINT_AHEAD_M, hold_s=_HOLD_S), _ahead(flight, 0.0, hold_s=_HOLD_S)])
         info = mission.start()
         task = uav.task(info.id)
         require(info.kind is TaskKind.MISSION, f"the task is {info.kind.name}")
@@ -92,7 +92,7 @@ def a_mission_of_the_autopilot_is_aborted(flight: Flight) -> None:
     """An abort ends the mission: the task says so, and UAL holds the position."""
     with _alone(flight):
         begun = flight.position()
-        flight.uav.mission.upload([_ahead(flight, _FAR_M), _ahead(flight, 0.0)])
+        flight.uav.mission.upload([_ahead(flight, _FAR_WAYPOINT_M), _ahead(flight, 0.0)])
         task = flight.uav.task(flight.uav.mission.start().id)
         flight.wait(lambda sample: (position(sample) - begun).norm() >= 1.0, "its way")
         flight.uav.abort()
@@ -118,7 +118,7 @@ def _alone(flight: Flight) -> Iterator[None]:
 def _here(flight: Flight) -> GeoPoint:
     """Returns where it is. A bridge may tell that later than its state."""
     try:
-        here = flight.wait(_is_placed, "its place on Earth", _PLACED_S).position_geo
+        here = flight.wait(_is_placed, "its place on Earth", _GPS_POSITION_S).position_geo
     except CheckFailedError as error:
         raise CannotRunError("it is not known where on Earth the UAV is") from error
     assert here is not None

@@ -13,9 +13,9 @@ from ual.types import Capability, PathHeading, State, Telemetry
 
 _POSITION = (Capability.POSITION,)
 _FLYING = State.FLYING_AUTO
-_SLOW_M_S = 0.5
+_SLOW_SPEED_M_S = 0.5
 _LEG_M = 2.5
-_LEGS = 4
+_LEGS_COUNT = 4
 _SAMPLE_S = 0.5
 _SPEED_OVER_S = 1.0
 
@@ -24,20 +24,20 @@ _SPEED_OVER_S = 1.0
 def keeps_below_a_speed(flight: Flight) -> None:
     """A waypoint, a path and a leg are flown no faster than their speed limits."""
     uav, away, back = flight.uav, flight.goal(_LEG_M, 0.0), flight.start
-    plan = uav.dry_run.go_to_waypoint(away, max_speed_m_s=_SLOW_M_S)
+    plan = uav.dry_run.go_to_waypoint(away, max_speed_m_s=_SLOW_SPEED_M_S)
     require(plan.duration_s is not None and plan.length_m is not None, "the plan has no length or no duration")
     assert plan.duration_s is not None
     assert plan.length_m is not None
-    least_s = plan.length_m / _SLOW_M_S
+    least_s = plan.length_m / _SLOW_SPEED_M_S
     require(plan.duration_s >= least_s, f"{plan.duration_s:.1f} s planned, but it takes at least {least_s:.1f} s")
     with flight.recording() as recorded:
-        uav.go_to_waypoint(away, max_speed_m_s=_SLOW_M_S)
-        uav.follow_path([back], max_speed_m_s=_SLOW_M_S)
-        uav.follow_path([away, back], leg_speeds_m_s=[_SLOW_M_S, _SLOW_M_S])
+        uav.go_to_waypoint(away, max_speed_m_s=_SLOW_SPEED_M_S)
+        uav.follow_path([back], max_speed_m_s=_SLOW_SPEED_M_S)
+        uav.follow_path([away, back], leg_speeds_m_s=[_SLOW_SPEED_M_S, _SLOW_SPEED_M_S])
         samples = recorded()
-    fastest_m_s, allowed_m_s = _fastest_m_s(samples), _SLOW_M_S + flight.tolerances.speed_m_s
-    require(fastest_m_s <= allowed_m_s, f"it flew {fastest_m_s:.2f} m/s, the limit was {_SLOW_M_S:g}")
-    took_s, least_s = samples[-1].stamp_s - samples[0].stamp_s, _LEGS * _LEG_M / _SLOW_M_S
+    fastest_m_s, allowed_m_s = _fastest_m_s(samples), _SLOW_SPEED_M_S + flight.tolerances.speed_m_s
+    require(fastest_m_s <= allowed_m_s, f"it flew {fastest_m_s:.2f} m/s, the limit was {_SLOW_SPEED_M_S:g}")
+    took_s, least_s = samples[-1].stamp_s - samples[0].stamp_s, _LEGS_COUNT * _LEG_M / _SLOW_SPEED_M_S
     require(took_s >= least_s - _SAMPLE_S, f"it took {took_s:.1f} s, but must take at least {least_s:.1f} s")
     flight.require_at(back, "at the end")
 
@@ -63,7 +63,7 @@ def points_along_a_path(flight: Flight) -> None:
     """The nose points along each leg, whatever the headings of the waypoints are."""
     start, corner, end = flight.start, flight.goal(_LEG_M, 0.0), flight.goal(_LEG_M, _LEG_M)
     with flight.recording() as recorded:
-        flight.uav.follow_path([corner, end], heading=PathHeading.ALONG_PATH, max_speed_m_s=_SLOW_M_S)
+        flight.uav.follow_path([corner, end], heading=PathHeading.ALONG_PATH, max_speed_m_s=_SLOW_SPEED_M_S)
         samples = recorded()
     for begin, goal in ((start, corner), (corner, end)):
         along_rad = _towards(begin.position, goal.position)
@@ -82,7 +82,7 @@ def points_at_a_point_of_interest(flight: Flight) -> None:
     with flight.recording() as recorded:
         flight.uav.follow_path(
             [Pose.at(p.x, p.y, p.z)],
-            max_speed_m_s=_SLOW_M_S,
+            max_speed_m_s=_SLOW_SPEED_M_S,
             heading=PathHeading.POINT_OF_INTEREST,
             point_of_interest=interest,
         )

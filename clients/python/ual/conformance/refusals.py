@@ -15,8 +15,8 @@ from ual.types import Capability, State
 
 _FLYING = State.FLYING_AUTO
 _NOT_FINITE = (math.nan, math.inf, -math.inf)
-_FAR_M = 2e7
-_FAST_M_S = 2e3
+_IMPOSSIBLE_DISTANCE_M = 2e7
+_IMPOSSIBLE_SPEED_M_S = 2e3
 _OUT_OF_REACH_M = 9000.0
 
 Refused = tuple[Callable[[], object], str]
@@ -42,7 +42,7 @@ def bad_poses_are_refused(flight: Flight) -> None:
 @check(_FLYING, capabilities=(Capability.VELOCITY,))
 def bad_velocities_are_refused(flight: Flight) -> None:
     """Velocities that are not valid are refused, and nothing moves."""
-    for value in (*_NOT_FINITE, _FAST_M_S):
+    for value in (*_NOT_FINITE, _IMPOSSIBLE_SPEED_M_S):
         for twist in (Twist(Vector3(value, 0.0, 0.0)), Twist(angular=Vector3(0.0, 0.0, value))):
             flight.refuses(InvalidArgumentError, partial(flight.uav.set_velocity, twist), f"{twist}")
     unknown = TwistStamped(Twist(), "no_such_frame")
@@ -119,7 +119,7 @@ def _ground_commands(uav: Uav) -> tuple[Refused, ...]:
 
 
 def _bad_poses() -> Iterator[tuple[PoseStamped, str]]:
-    for value in (*_NOT_FINITE, _FAR_M):
+    for value in (*_NOT_FINITE, _IMPOSSIBLE_DISTANCE_M):
         yield PoseStamped(Pose.at(value, 0.0, HEIGHT_M)), f"x = {value}"
         yield PoseStamped(Pose.at(0.0, 0.0, value)), f"z = {value}"
     for orientation in (

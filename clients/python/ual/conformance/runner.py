@@ -10,7 +10,7 @@ from ual.conformance.flight import CannotRunError, CheckFailedError, Flight, Run
 from ual.errors import UalError
 from ual.types import State
 
-LONGEST_GAP_S = 0.5
+LONGEST_TELEMETRY_GAP_S = 0.5
 """Samples come 50 times a second. With a longer gap, a check judges what it did not see."""
 
 
@@ -87,7 +87,7 @@ def run(
 def _unseen(flight: Flight) -> str:
     """Returns that the check saw too little to judge by, if it is so; else nothing."""
     silence_s = flight.longest_silence_s
-    if silence_s <= LONGEST_GAP_S:
+    if silence_s <= LONGEST_TELEMETRY_GAP_S:
         return ""
     return f" (without telemetry or an answer for {silence_s:.1f} s: a busy computer or a bad link)"
 

@@ -9,8 +9,8 @@ from ual.geometry import Twist
 from ual.interface import Task
 from ual.types import Capability, State, TaskStatus
 
-_AHEAD_M = 4.0
-_FAR_M = 8.0  # a UAV at full speed needs 3 m to stop, and must still be far from its goal then
+_GOAL_AHEAD_M = 4.0
+_FAR_GOAL_M = 8.0  # a UAV at full speed needs 3 m to stop, and must still be far from its goal then
 _POSITION = (Capability.POSITION,)
 _FLYING = State.FLYING_AUTO
 
@@ -19,7 +19,7 @@ _FLYING = State.FLYING_AUTO
 def a_handle_reports_its_task(flight: Flight) -> None:
     """The handle of a task can be watched, found by the task's id, and waited for."""
     uav = flight.uav
-    goal = flight.goal(_AHEAD_M, 0.0)
+    goal = flight.goal(_GOAL_AHEAD_M, 0.0)
     task = uav.go_to_waypoint(goal, blocking=False)
     require(task.id == uav.task(task.id).id, "task() returns another task")
     flight.wait(lambda sample: sample.task is not None and sample.task.id == task.id, "the task in the telemetry")
@@ -37,7 +37,7 @@ def a_handle_reports_its_task(flight: Flight) -> None:
 @check(_FLYING, capabilities=_POSITION, moves="4 m ahead, and back")
 def a_new_command_replaces_a_task(flight: Flight) -> None:
     """The replaced task ends as ABORTED and says what replaced it; the new one goes on."""
-    first = flight.uav.go_to_waypoint(flight.goal(_AHEAD_M, 0.0), blocking=False)
+    first = flight.uav.go_to_waypoint(flight.goal(_GOAL_AHEAD_M, 0.0), blocking=False)
     _wait_until_moving(flight)
     second = flight.uav.go_to_waypoint(flight.start, blocking=False)
     error = flight.refuses(TaskAbortedError, first.wait, "waiting for the replaced task")
@@ -50,7 +50,7 @@ def a_new_command_replaces_a_task(flight: Flight) -> None:
 @check(_FLYING, capabilities=(Capability.POSITION, Capability.VELOCITY), moves="2 m ahead")
 def a_velocity_replaces_a_task(flight: Flight) -> None:
     """A velocity ends the running task as ABORTED."""
-    task = flight.uav.go_to_waypoint(flight.goal(_AHEAD_M, 0.0), blocking=False)
+    task = flight.uav.go_to_waypoint(flight.goal(_GOAL_AHEAD_M, 0.0), blocking=False)
     _wait_until_moving(flight)
     flight.uav.set_velocity(Twist())
     error = flight.refuses(TaskAbortedError, task.wait, "waiting for the replaced task")
@@ -61,7 +61,7 @@ def a_velocity_replaces_a_task(flight: Flight) -> None:
 @check(_FLYING, capabilities=_POSITION, moves="3 m ahead (8 m, should it not stop)")
 def a_cancelled_task_holds(flight: Flight) -> None:
     """A cancelled task ends as ABORTED, and the UAV stops and holds."""
-    task = flight.uav.go_to_waypoint(flight.goal(_FAR_M, 0.0), blocking=False)
+    task = flight.uav.go_to_waypoint(flight.goal(_FAR_GOAL_M, 0.0), blocking=False)
     _wait_until_moving(flight)
     task.cancel()
     _require_stopped(flight, task)
@@ -70,7 +70,7 @@ def a_cancelled_task_holds(flight: Flight) -> None:
 @check(_FLYING, capabilities=_POSITION, moves="3 m ahead (8 m, should it not stop)")
 def an_abort_stops(flight: Flight) -> None:
     """An abort ends the task, and the UAV brakes and holds where it stops."""
-    task = flight.uav.go_to_waypoint(flight.goal(_FAR_M, 0.0), blocking=False)
+    task = flight.uav.go_to_waypoint(flight.goal(_FAR_GOAL_M, 0.0), blocking=False)
     _wait_until_moving(flight)
     flight.uav.abort()
     _require_stopped(flight, task)
@@ -79,7 +79,7 @@ def an_abort_stops(flight: Flight) -> None:
 @check(_FLYING, capabilities=_POSITION, moves="3 m ahead (8 m, should it not stop)")
 def a_freeze_holds_the_position_it_had(flight: Flight) -> None:
     """An abort that freezes comes back to the position that it had."""
-    task = flight.uav.go_to_waypoint(flight.goal(_FAR_M, 0.0), blocking=False)
+    task = flight.uav.go_to_waypoint(flight.goal(_FAR_GOAL_M, 0.0), blocking=False)
     _wait_until_moving(flight)
     flight.uav.abort(freeze=True)
     here = flight.position()
@@ -92,7 +92,7 @@ def a_freeze_holds_the_position_it_had(flight: Flight) -> None:
 def a_deadline_cancels_what_was_waited_for(flight: Flight) -> None:
     """After the caller's timeout, the go-to is cancelled and the UAV holds its position."""
     try:
-        flight.uav.go_to_waypoint(flight.goal(_AHEAD_M, 0.0), timeout_s=0.01)
+        flight.uav.go_to_waypoint(flight.goal(_GOAL_AHEAD_M, 0.0), timeout_s=0.01)
     except UalTimeoutError:
         flight.wait(lambda sample: sample.task is None and flight.is_slow(sample), "rest")
         flight.require_stays("after the deadline")
@@ -109,7 +109,7 @@ def _require_stopped(flight: Flight, task: Task) -> None:
     flight.wait(flight.is_slow, "rest", 10.0)
     require(flight.uav.is_idle(), "a task still runs")
     flight.require_stays("after the end of the task")
-    left_m = (flight.position() - flight.goal(_FAR_M, 0.0).position).norm()
+    left_m = (flight.position() - flight.goal(_FAR_GOAL_M, 0.0).position).norm()
     require(left_m > flight.tolerances.position_m, "it flew on to the goal")
 
 

@@ -13,11 +13,11 @@ _VELOCITY = (Capability.VELOCITY,)
 _WATCHDOG_S = 0.5
 _FLYING = State.FLYING_AUTO
 _SPEED_M_S = 1.5
-_STEADY_S = 1.0
+_STEADY_FLIGHT_S = 1.0
 # In this time an estimate drifts by at most `Tolerances.wander_m`.
-_WANDERS_S = 1.0
+_WANDER_TIME_S = 1.0
 # A faster UAV would leave the few metres that checks may use.
-_FASTEST_M_S = 3.0
+_FASTEST_TEST_M_S = 3.0
 
 
 @check(_FLYING, capabilities=_VELOCITY, moves="5 m ahead")
@@ -30,7 +30,7 @@ def flies_a_velocity_and_stops_without(flight: Flight) -> None:
         last = flight.fly_velocity(
             lambda: uav.set_velocity(Twist(wanted)), lambda sample: position(sample).x - start.x >= 3.5, "3.5 m ahead"
         )
-        steady = [sample for sample in recorded() if last.stamp_s - _STEADY_S <= sample.stamp_s <= last.stamp_s]
+        steady = [sample for sample in recorded() if last.stamp_s - _STEADY_FLIGHT_S <= sample.stamp_s <= last.stamp_s]
     off_m_s = (mean(map(velocity, steady)) - wanted).norm()
     require(off_m_s <= t.speed_m_s, f"the velocity is {off_m_s:.2f} m/s off")
     aside_m = abs(position(last).y - start.y)
@@ -80,7 +80,7 @@ def turns_with_a_rate(flight: Flight) -> None:
 def scales_a_velocity_down(flight: Flight) -> None:
     """A velocity beyond the limits is scaled down, its direction kept."""
     limit_m_s = flight.info.limits.horizontal_speed_m_s
-    if limit_m_s > _FASTEST_M_S:
+    if limit_m_s > _FASTEST_TEST_M_S:
         raise CannotRunError(f"its limit of {limit_m_s:g} m/s needs more room than a check may use")
     uav, t = flight.uav, flight.tolerances
     start = flight.position()
@@ -92,7 +92,7 @@ def scales_a_velocity_down(flight: Flight) -> None:
         )
         samples = recorded()
     flight.stop()
-    fastest_m_s, allowed_m_s = max(map(speed, samples)), 1.1 * limit_m_s + t.wander_m / _WANDERS_S
+    fastest_m_s, allowed_m_s = max(map(speed, samples)), 1.1 * limit_m_s + t.wander_m / _WANDER_TIME_S
     require(fastest_m_s <= allowed_m_s, f"it flew {fastest_m_s:.2f} m/s, its limit is {limit_m_s:g}")
     moved = position(samples[-1]) - start
     aside_m = (moved - direction * moved.dot(direction)).norm()

@@ -29,10 +29,10 @@ MOST_BYTES = 4 << 20
 """A file that is larger is not read."""
 
 _HEADER = ["QGC", "WPL", "110"]
-_COLUMNS = 12
+_COLUMNS_COUNT = 12
 _POLYGONS = {5001: True, 5002: False}
 _CIRCLES = {5003: True, 5004: False}
-_RALLY_POINT = 5100
+_RALLY_POINT_COMMAND = 5100
 _LEFT_OUT = {16: "home", 5000: "the point to return to"}
 _REFERENCES = {
     0: AltitudeReference.AMSL,
@@ -242,8 +242,8 @@ def _of_items(header: list[str], lines: Sequence[tuple[int, list[str]]]) -> Fenc
     if header != _HEADER:
         raise ValueError(f"it begins with {shown(' '.join(header))}, not with {' '.join(_HEADER)!r}")
     items = [_item(fields, number) for number, fields in lines]
-    rally_points = [each for each in items if each.command == _RALLY_POINT]
-    others = [each for each in items if each.command != _RALLY_POINT]
+    rally_points = [each for each in items if each.command == _RALLY_POINT_COMMAND]
+    others = [each for each in items if each.command != _RALLY_POINT_COMMAND]
     left_out = [f"{each.where}: {_LEFT_OUT[each.command]}" for each in others if each.command in _LEFT_OUT]
     for each in rally_points:
         left_out += _about_rounding(each.where, each.height_m)
@@ -260,15 +260,15 @@ class _Item:
             raise ValueError("its frame and command are whole numbers, its columns 2 and 12 are 0 or 1")
         self.frame, self.command = int(frame), int(command)
         self.latitude_deg, self.longitude_deg = _corner(latitude_deg, longitude_deg)
-        if self.command != 16 and (any(unused) or (self.size and self.command in (5000, _RALLY_POINT))):
+        if self.command != 16 and (any(unused) or (self.size and self.command in (5000, _RALLY_POINT_COMMAND))):
             raise ValueError("it has a parameter (columns 5 to 8) that UAL does not know for its command: set it to 0")
         if self.command in (*_POLYGONS, *_CIRCLES) and self.frame not in _REFERENCES:
             raise ValueError(f"a zone of frame {self.frame}, which is not on Earth")
 
 
 def _item(fields: list[str], number: int) -> _Item:
-    if len(fields) != _COLUMNS:
-        raise ValueError(f"line {number}: it has {len(fields)} columns, not {_COLUMNS}")
+    if len(fields) != _COLUMNS_COUNT:
+        raise ValueError(f"line {number}: it has {len(fields)} columns, not {_COLUMNS_COUNT}")
     return _converted(number, fields, lambda each: _Item([parse_number(field) for field in each], number))
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 from ual.geometry import Quaternion, Vector3
 
-_LEVEL = 1.0 - 1e-9
+_UPRIGHT_SINE = 1.0 - 1e-9
 """Sine of the pitch from which on yaw and roll turn about the same axis."""
 
 
@@ -36,7 +36,7 @@ def angles(camera: Quaternion) -> Angles:
     view, left, top = (_north_east_down(camera.rotate(axis)) for axis in (Vector3(1.0), Vector3(0.0, 1.0), _UP))
     heading_rad = math.atan2(view.y + top.y, view.x + top.x) % math.tau
     pitch_rad = math.asin(max(-1.0, min(1.0, -top.z)))
-    if abs(top.z) > _LEVEL:
+    if abs(top.z) > _UPRIGHT_SINE:
         return Angles(math.atan2(left.x, -left.y) % math.tau, pitch_rad, 0.0, heading_rad)
     return Angles(math.atan2(top.y, top.x) % math.tau, pitch_rad, math.atan2(-left.z, view.z), heading_rad)
 

@@ -10,7 +10,7 @@ from ual.cameras import Image, ImageFormat
 from ual.errors import InvalidArgumentError
 from ual.geotag import _exif, _segments
 
-_QUALITY = 95
+_QUALITY_PERCENT = 95
 
 
 def make(image: Image, camera: str) -> bytes:
@@ -39,5 +39,5 @@ def _written(image: Image, camera: str, picture: PIL.Image.Image) -> bytes:
 
 def _encoded(picture: PIL.Image.Image) -> bytes:
     written = io.BytesIO()
-    picture.convert("RGB").save(written, "JPEG", quality=_QUALITY)
+    picture.convert("RGB").save(written, "JPEG", quality=_QUALITY_PERCENT)
     return written.getvalue()

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from typing_extensions import Self
 
-_FULL_DEFLECTION = 32767
+_FULL_DEFLECTION_VALUE = 32767
 """SDL's value of a stick at its end; at the other end it is one more."""
 
 
@@ -182,7 +182,9 @@ class Gamepad(_Opened):
         self._require()
         axes = [self._controller.get_axis(number) for number in range(len(Axis))]
         pressed = frozenset(button for number, button in enumerate(Button) if self._controller.get_button(number))
-        named = {axis.name.lower(): max(-1.0, value / _FULL_DEFLECTION) for axis, value in zip(Axis, axes, strict=True)}
+        named = {
+            axis.name.lower(): max(-1.0, value / _FULL_DEFLECTION_VALUE) for axis, value in zip(Axis, axes, strict=True)
+        }
         return GamepadState(**named, pressed=pressed)
 
     @override

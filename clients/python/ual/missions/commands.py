@@ -21,7 +21,7 @@ from ual.types import AltitudeReference
 
 _NOT_GIVEN = (None, 0.0)
 _TRIGGER_DISTANCE, _TRIGGER_INTERVAL, _DIGICAM = 206, 214, 203
-_ROI_LOCATION = 195
+_ROI_LOCATION_COMMAND = 195
 _START_CAPTURE, _STOP_CAPTURE = 2000, 2001
 _ABOVE = {
     0: AltitudeReference.AMSL,
@@ -34,7 +34,7 @@ _STAYING = (commands.WAYPOINT, commands.LOITER_TIME, commands.LAND)
 """For ArduPilot these stay where the item before has led, in what they do not give (loc_from_cmd, do_land)."""
 _MOST_TIMES = 65_535
 """PX4 keeps how often a jump repeats with 16 bits, ArduPilot with 15."""
-_SAME_PLACE_DEG = 3e-5
+_SAME_POSITION_DEG = 3e-5
 """Three metres: a take-off there is one at the planned home, as satellites do not tell them apart."""
 
 Place = tuple[float, float]
@@ -93,7 +93,7 @@ class _MissionReader:
             commands.CHANGE_SPEED: self._speed,
             commands.CONDITION_YAW: self._heading,
             commands.JUMP: self._jump,
-            _ROI_LOCATION: self._interest,
+            _ROI_LOCATION_COMMAND: self._interest,
             commands.SET_ROI: self._old_interest,
             commands.ROI_NONE: lambda item: neutral.RegionOfInterestEnd(number=item.number),
             _TRIGGER_DISTANCE: self._by_distance,
@@ -330,7 +330,7 @@ class _MissionReader:
 
 def _is_near(one: Place, other: Place) -> bool:
     shrinks = math.cos(math.radians(one[0]))
-    return math.hypot(one[0] - other[0], (one[1] - other[1]) * shrinks) < _SAME_PLACE_DEG
+    return math.hypot(one[0] - other[0], (one[1] - other[1]) * shrinks) < _SAME_POSITION_DEG
 
 
 def _frame(item: FileItem) -> str:
@@ -354,7 +354,7 @@ _READ: Mapping[int, Sequence[int]] = {
     commands.CHANGE_SPEED: (1, 2, 3, 4),
     commands.CONDITION_YAW: (1, 2, 3, 4),
     commands.JUMP: (1, 2),
-    _ROI_LOCATION: (5, 6, 7),
+    _ROI_LOCATION_COMMAND: (5, 6, 7),
     commands.SET_ROI: (1, 5, 6, 7),
     commands.ROI_NONE: (),
     _TRIGGER_DISTANCE: (1, 2, 3),

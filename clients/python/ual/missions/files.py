@@ -18,7 +18,7 @@ from ual.routes import parse as parse_route
 from ual.routes._route import FaultError, Route, naming
 from ual.types import AltitudeReference, GeoWaypoint
 
-_MOST_READ = 2 * checks.MOST_ITEMS
+_MOST_READ_ITEMS = 2 * checks.MOST_ITEMS
 """Items of a file are read up to this number: some become none of the mission."""
 _PLANS = (".plan", ".mission")
 
@@ -79,13 +79,13 @@ def _of_commands(data: bytes, ending: str) -> Mission | None:
         return None  # the routes refuse or unpack it
     text = _text(data)
     if text.lstrip().startswith(_wpl.HEADER) or ending == ".waypoints":
-        items, firmware, has_home = _wpl.items_of(text, _MOST_READ)
+        items, firmware, has_home = _wpl.items_of(text, _MOST_READ_ITEMS)
         found, left_out = commands.items_of_file(items, firmware, None)
         return Mission(found, [_wpl.HOME, *left_out] if has_home else left_out)
     document = _document(text, ending)
     if not (_plan.is_plan(document) or ending in _PLANS):
         return None
-    items, firmware = _plan.items_of(document, _MOST_READ)
+    items, firmware = _plan.items_of(document, _MOST_READ_ITEMS)
     found, left_out = commands.items_of_file(items, firmware, _plan.planned_home(document))
     return Mission(found, [*left_out, *_plan.other_parts(document)])
 

@@ -9,7 +9,7 @@ from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 
-_DIGITS = 16
+_ID_DIGITS = 16
 
 
 def host() -> str:
@@ -25,4 +25,4 @@ def identifier() -> str:
         parts.append(Path("/proc/sys/kernel/random/boot_id").read_text(encoding="ascii").strip())
     with suppress(OSError):
         parts.append(str(os.stat("/proc/self/ns/net").st_ino))  # noqa: PTH116 (follows the link, as it should)
-    return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:_DIGITS]
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()[:_ID_DIGITS]

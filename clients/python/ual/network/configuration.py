@@ -19,7 +19,7 @@ there.
 """
 _MULTICAST_GROUP = "224.0.0.224"
 _RETRY = {"period_init_ms": 200, "period_max_ms": 1000, "period_increase_factor": 1.5}
-_MOST_BYTES = 4 << 20
+_LARGEST_MESSAGE_BYTES = 4 << 20
 """The longest message that is taken from others."""
 _OFF = {"enabled": False}
 
@@ -77,7 +77,7 @@ def transport(settings: NetworkSettings) -> Json:
     link: Json = {
         "protocols": ["tls", "quic"] if settings.has_certificate else ["tcp"],
         "tx": {"lease": LEASE_MS, "keep_alive": _KEEP_ALIVE_COUNT},
-        "rx": {"max_message_size": _MOST_BYTES},
+        "rx": {"max_message_size": _LARGEST_MESSAGE_BYTES},
     }
     if settings.has_certificate:
         link["tls"] = _tls(settings)

@@ -31,13 +31,13 @@ if TYPE_CHECKING:
     import zenoh
 
 _JOIN_S = 3.0
-_LEAST_LOOK_S = 0.5
+_LEAST_LISTENING_S = 0.5
 """Seconds within which present daemons announce themselves."""
 _ASK_S, _LONGEST_ASK_S, _ANSWER_S = 0.25, 8.0, 2.0
-_CLOSE_S = 5.0
+_CLOSE_TIMEOUT_S = 5.0
 _MOST_PROBLEMS = 10
 """Of one publisher: none can hide what others do."""
-_MOST_ASKED = 8
+_MOST_QUERIED_PUBLISHERS = 8
 """Publishers of which it is asked one by one. More are asked of with all others."""
 
 
@@ -185,7 +185,7 @@ class Network:
         in time.
         """
         return self.wait_for(
-            lambda _: time.monotonic() - self._since_s >= _LEAST_LOOK_S and self._is_complete, timeout_s
+            lambda _: time.monotonic() - self._since_s >= _LEAST_LISTENING_S and self._is_complete, timeout_s
         )
 
     def wait_for(self, is_so: Callable[[Self], bool], timeout_s: float) -> bool:
@@ -197,7 +197,7 @@ class Network:
                 left_s = end_s - time.monotonic()
                 if left_s <= 0.0:
                     return False
-                self._changed.wait(min(left_s, _LEAST_LOOK_S / 5.0))
+                self._changed.wait(min(left_s, _LEAST_LISTENING_S / 5.0))
         return True
 
     def close(self) -> None:
@@ -210,7 +210,7 @@ class Network:
         if not self._readers:
             close_session(self._session)
         # One that came back from Zenoh while Python ends would abort the program.
-        end_s = time.monotonic() + _CLOSE_S
+        end_s = time.monotonic() + _CLOSE_TIMEOUT_S
         for reader in self._readers:
             if reader is not threading.current_thread():
                 reader.join(max(0.0, end_s - time.monotonic()))
@@ -221,7 +221,7 @@ class Network:
             return True
         now_s = time.monotonic()
         looked_s = now_s - self._since_s
-        if looked_s < _LEAST_LOOK_S:
+        if looked_s < _LEAST_LISTENING_S:
             return False
         with self._changed:
             is_known = (ns and self._roster.is_known(ns, now_s)) or self._roster.is_complete(now_s)
@@ -278,7 +278,11 @@ class Network:
         import zenoh
 
         site = self.settings.site
-        about = [keys.all_alive(site)] if len(asked) > _MOST_ASKED else [keys.all_alive(site, each) for each in asked]
+        about = (
+            [keys.all_alive(site)]
+            if len(asked) > _MOST_QUERIED_PUBLISHERS
+            else [keys.all_alive(site, each) for each in asked]
+        )
         try:
             replies = [
                 reply

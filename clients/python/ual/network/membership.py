@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 
-_LOOK_S = 0.05
+_POLL_PERIOD_S = 0.05
 
 
 def follow(network: Network | NetworkSettings | str | Path, ns: str) -> Followed | Member:
@@ -154,7 +154,7 @@ class Member:
     def address(self) -> str:
         """Returns where the UAV is now. After a network that could not be joined, it is tried again."""
         while not self.is_settled:
-            time.sleep(_LOOK_S)
+            time.sleep(_POLL_PERIOD_S)
         if self._followed is None:
             failed, self._attempt = self._attempt, None
             assert failed is not None

@@ -29,7 +29,7 @@ UNHEARD_S = 5.0
 UNHEARD_PERIODS = 5.0
 """A process that tells nothing for this long counts as gone, whatever its sign of life says: see docs/network.md."""
 _FORGET_S = 1.0
-_MOST_NAMED = 5
+_MOST_NAMED_PUBLISHERS = 5
 
 
 @dataclass(slots=True)
@@ -218,7 +218,7 @@ class Roster:
             for source, process in self._all()
             if process.gone_s is None and not process.has_reported_all
         }
-        named = sorted(mute, key=natural_order)[:_MOST_NAMED]
+        named = sorted(mute, key=natural_order)[:_MOST_NAMED_PUBLISHERS]
         told = [f"{each} shows a sign of life, and has not told of all its UAVs" for each in named]
         return (*told, f"so do {len(mute) - len(named)} more") if len(mute) > len(named) else tuple(told)
 

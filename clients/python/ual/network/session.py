@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     import zenoh
 
 _MOST_SIGNS, _MOST_REPORTS = 1024, 512
-_LOOK_S = 0.5
-_AGAIN_S = 0.2
+_ROUTER_POLL_S = 0.5
+_OPEN_RETRY_S = 0.2
 """The pause after all routers were tried."""
 
 
@@ -108,11 +108,11 @@ def open_session(settings: NetworkSettings, timeout_s: float) -> zenoh.Session:
         except zenoh.ZError as error:
             if not settings.connect:
                 raise InvalidArgumentError(f"network: {error}", {"field": "network"}) from None
-        if time.monotonic() + _AGAIN_S > until_s:
+        if time.monotonic() + _OPEN_RETRY_S > until_s:
             raise DaemonUnreachableError(
                 f"no router of the network answers ({', '.join(settings.connect)}), or none that knows this certificate"
             )
-        time.sleep(_AGAIN_S)
+        time.sleep(_OPEN_RETRY_S)
 
 
 def queue() -> zenoh.handlers.FifoChannel[zenoh.Sample]:
@@ -176,7 +176,7 @@ class RouterSession:
         """Runs until it is interrupted."""
         while True:
             self.keep_links()
-            time.sleep(_LOOK_S)
+            time.sleep(_ROUTER_POLL_S)
 
     def keep_links(self) -> None:
         """Sees to it that connections without an answer end; to be called repeatedly."""

@@ -31,12 +31,12 @@ AUTOPILOT = 1
 _NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,15}|[A-Za-z_][A-Za-z0-9_]{0,29}\.[A-Za-z0-9_]{1,30}")
 """MAVLink's param_id has 16 characters. A Crazyflie has the name of a group before each."""
 _QGC_FIELDS_COUNT = 5
-_MOST_ID = 255
+_LARGEST_MAVLINK_ID = 255
 _LONG_TYPES = (7, 8, 10)
 """Types of 64 bits, which no parameter of an autopilot has."""
 _NOT_FINITE = re.compile(r"[-+]?(nan|inf)", re.IGNORECASE)
 _SPACES = re.compile(r"[ \t]+")
-_MOST_NAMED = 10
+_MOST_NAMED_PARAMETERS = 10
 _HEAD = "# Onboard parameters for Vehicle {system_id}\n#\n# Vehicle-Id Component-Id Name Value Type\n"
 
 
@@ -50,9 +50,11 @@ class OtherComponent:
     @property
     def text(self) -> str:
         """Human-readable."""
-        more = f" and {len(self.names) - _MOST_NAMED} more" if len(self.names) > _MOST_NAMED else ""
+        more = (
+            f" and {len(self.names) - _MOST_NAMED_PARAMETERS} more" if len(self.names) > _MOST_NAMED_PARAMETERS else ""
+        )
         lines = "1 line" if len(self.names) == 1 else f"{len(self.names)} lines"
-        return f"{lines} of component {self.component} ({', '.join(self.names[:_MOST_NAMED])}{more})"
+        return f"{lines} of component {self.component} ({', '.join(self.names[:_MOST_NAMED_PARAMETERS])}{more})"
 
 
 class FileValues(dict[str, float]):
@@ -178,8 +180,8 @@ class _Found:
 
 
 def _id(text: str, what: str) -> int:
-    if not (text.isascii() and text.isdecimal() and int(text) <= _MOST_ID):
-        raise ValueError(f"{shown(text)} is no {what} (0 to {_MOST_ID})")
+    if not (text.isascii() and text.isdecimal() and int(text) <= _LARGEST_MAVLINK_ID):
+        raise ValueError(f"{shown(text)} is no {what} (0 to {_LARGEST_MAVLINK_ID})")
     return int(text)
 
 

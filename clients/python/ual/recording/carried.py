@@ -23,9 +23,9 @@ from ual.types import Frame
 from ual.v1 import gripper_pb2 as pb
 from ual.wire import gripper as convert
 
-_LOOK_S = 1.0
+_EQUIPMENT_CHECK_S = 1.0
 """Seconds between two searches for new gimbals, and between repeated questions where something did not answer."""
-_RATE_HZ = 5.0
+_STATUS_RATE_HZ = 5.0
 """Recorded attitudes of a gimbal per second."""
 _EQUIPMENT_S = 2.0
 """Seconds between two questions for the states: some autopilots are asked over their link."""
@@ -92,7 +92,7 @@ class PayloadRecorder:
 
     def start(self) -> None:
         """Begins."""
-        self._begin(self._watch_new_gimbals, _LOOK_S)
+        self._begin(self._watch_new_gimbals, _EQUIPMENT_CHECK_S)
         self._begin(self._record_equipment, _EQUIPMENT_S)
 
     def close(self, limit_s: float = 3.0) -> None:
@@ -129,7 +129,7 @@ class PayloadRecorder:
         for info in self._gimbals.get_all():
             if info.number not in self._watched:
                 self._watched.add(info.number)
-                self._begin(partial(self._watch, info, GimbalTopic(info.frame_id)), _LOOK_S)
+                self._begin(partial(self._watch, info, GimbalTopic(info.frame_id)), _EQUIPMENT_CHECK_S)
         return True
 
     def _watch(self, info: GimbalInfo, topic: GimbalTopic) -> bool:
@@ -137,7 +137,7 @@ class PayloadRecorder:
         place = self._position(info.frame_id)
         if place is None:
             return True
-        for status in self._gimbals[info.number].watch(_RATE_HZ):
+        for status in self._gimbals[info.number].watch(_STATUS_RATE_HZ):
             if status.in_body is not None and status.stamp_s is not None:
                 looked = Transform(place, status.in_body, f"{self._ns}/base_link", info.frame_id, status.stamp_s)
                 self._recorder.put(topic.write, self._recorder.clock.now_ns(), looked)

@@ -34,7 +34,7 @@ class File:
         self.path = path
         self._whole_bytes = self._first_bytes = 0
         # The positions of UAVs are not for all users of the computer.
-        self._raw = io.FileIO(path, "xb", opener=lambda name, flags: os.open(name, flags, whole_file.OWN))
+        self._raw = io.FileIO(path, "xb", opener=lambda name, flags: os.open(name, flags, whole_file.OWNER_PERMISSIONS))
         self._stream = io.BufferedWriter(self._raw)
         try:
             self._begin(metadata)

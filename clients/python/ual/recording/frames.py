@@ -13,9 +13,9 @@ from ual.recording.telemetry import TelemetryTopics
 from ual.shared.guard import WorkGuard
 from ual.types import Frame
 
-LOOK_S = 0.1
+FRAMES_CHECK_S = 0.1
 """Seconds between two checks whether frames have changed."""
-_AGAIN_S = 1.0
+_REPEAT_PERIOD_S = 1.0
 """Seconds between two records of unchanged frames."""
 
 
@@ -35,7 +35,7 @@ class FrameChanges:
         found = [frame for frame in frames if frame.frame_id != self._body]
         if found == self._last and now_ns < self._due_ns:
             return ()
-        self._last, self._due_ns = found, now_ns + round(_AGAIN_S * 1e9)
+        self._last, self._due_ns = found, now_ns + round(_REPEAT_PERIOD_S * 1e9)
         return found
 
     def forget(self) -> None:
@@ -65,7 +65,7 @@ class FrameRecording:
         self._thread.join(limit_s)
 
     def _run(self) -> None:
-        while not self._closing.wait(LOOK_S):
+        while not self._closing.wait(FRAMES_CHECK_S):
             try:
                 now_ns = self._recorder.clock.now_ns()
                 due = self._changes.due(self._frames(), now_ns)

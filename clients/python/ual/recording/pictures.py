@@ -23,7 +23,7 @@ from ual.shared.new_photos import NewPhotos
 from ual.v1 import camera_pb2 as pb
 from ual.wire import camera as convert
 
-_LOOK_S = 1.0
+_PICTURES_CHECK_S = 1.0
 """Seconds between two questions for new pictures."""
 _FORMATS = {ImageFormat.PNG: "png", ImageFormat.JPEG: "jpeg"}
 
@@ -122,7 +122,7 @@ class PictureRecorder:
         self._thread.join(limit_s)
 
     def _run(self) -> None:
-        while not self._closing.wait(_LOOK_S):
+        while not self._closing.wait(_PICTURES_CHECK_S):
             self._try(self._poll)
         self._try(self._poll)  # what was taken meanwhile is reported, without its bytes
 

@@ -18,7 +18,7 @@ from ual.wire import samples, uav
 if TYPE_CHECKING:
     from mcap.records import Channel, Schema
 
-_WINDOW_NS = 1_000_000_000
+_SORT_WINDOW_NS = 1_000_000_000
 """Messages of several threads are out of order by less than this."""
 
 
@@ -79,7 +79,7 @@ class Recording:
         waiting: list[tuple[int, int, Message]] = []
         for count, message in enumerate(self._in_order_of_file(is_wanted)):
             heapq.heappush(waiting, (message.log_ns, count, message))
-            while message.log_ns - waiting[0][0] > _WINDOW_NS:
+            while message.log_ns - waiting[0][0] > _SORT_WINDOW_NS:
                 yield heapq.heappop(waiting)[2]
         while waiting:
             yield heapq.heappop(waiting)[2]

@@ -27,15 +27,15 @@ FLUSH_S = 0.5
 """Seconds between two ends of a chunk, which is then written to the disk. With the time that this takes, less than a
 second can be lost.
 """
-_TAKE_S = 0.02
+_QUEUE_POLL_S = 0.02
 """Seconds between two looks at the queue. An addition does not have to wake the thread."""
 MOST_ENTRIES = 50_000
 """Most entries that wait: 50 s of one UAV with its raw packets, or a disk that writes nothing for that time."""
-MOST_BYTES = 64 << 20
+MOST_WAITING_BYTES = 64 << 20
 """Most bytes that wait, where entries are large."""
 _ENTRY_BYTES = 400
 """About what an entry takes, beside what it brings along."""
-_CLOSE_LIMIT_S = 10.0
+_CLOSE_TIMEOUT_S = 10.0
 _UNTOLD = of_json(
     "/untold",
     json_schema(
@@ -191,7 +191,7 @@ class Recorder:
         """Records a value, of about so many bytes. Never waits."""
         if self.has_ended:
             return
-        if len(self._entries) >= MOST_ENTRIES or self._bytes >= MOST_BYTES:
+        if len(self._entries) >= MOST_ENTRIES or self._bytes >= MOST_WAITING_BYTES:
             with self._lost_lock:
                 self._lost_count += 1
             return
@@ -204,13 +204,13 @@ class Recorder:
         if self._thread.ident is None:  # never started
             self._file.give_up()
             return
-        self._thread.join(_CLOSE_LIMIT_S)
+        self._thread.join(_CLOSE_TIMEOUT_S)
         if self._thread.is_alive():
             _log.error("the recording was not written to the end: the disk of %s is too slow", self._directory)
 
     def _run(self) -> None:
         next_flush_s = time.monotonic() + FLUSH_S
-        while not self._closing.wait(_TAKE_S):
+        while not self._closing.wait(_QUEUE_POLL_S):
             now_s = time.monotonic()
             is_due = now_s >= next_flush_s
             self._contain(lambda is_due=is_due: self._turn(is_due=is_due))  # type: ignore[misc]

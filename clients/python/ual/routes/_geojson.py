@@ -12,7 +12,7 @@ from ual.shared.numbers import shown
 
 _SHAPES = ("Point", "MultiPoint", "LineString", "MultiLineString", "Polygon", "MultiPolygon", "GeometryCollection")
 _TYPES = (*_SHAPES, "Feature", "FeatureCollection")
-_MOST_DEPTH = 20
+_MOST_NESTED_LEVELS = 20
 _DEGREES = ("CRS84", "4326", "4979")
 """Last parts of the names of coordinate systems that are latitudes and longitudes of WGS 84 (GeoJSON before RFC
 7946).
@@ -49,7 +49,7 @@ class _Finder:
         self.others: Counter[str] = Counter()
 
     def find(self, shape: object, name: str, depth: int) -> None:
-        if depth > _MOST_DEPTH:
+        if depth > _MOST_NESTED_LEVELS:
             raise FaultError("is nested too deeply")
         if shape is None:  # a feature without a geometry
             return

@@ -29,7 +29,7 @@ _FRAMES = {10: "above the terrain", 11: "above the terrain", 1: "local", 2: "no 
 _SPEEDS_ALONG = (0, 1)
 """Kinds of DO_CHANGE_SPEED (SPEED_TYPE) along the path: airspeed and ground speed. The others are climb and descent."""
 _ENDS = {commands.RETURN_TO_LAUNCH: "return to launch", commands.LAND: "landing"}
-_NO_CHANGE = -1.0
+_UNCHANGED_SPEED_M_S = -1.0
 MOST_ITEMS = 100_000
 """No file has more of them that fly `MOST_WAYPOINTS`."""
 _MOST_STEPS = 100_000
@@ -240,7 +240,7 @@ class _Flight:
         speed_m_s = item.amount(2)
         if speed_m_s > 0.0:
             self._speed_m_s = speed_m_s
-        elif self._firmware is Firmware.PX4 or (self._firmware is Firmware.OTHER and speed_m_s != _NO_CHANGE):
+        elif self._firmware is Firmware.PX4 or (self._firmware is Firmware.OTHER and speed_m_s != _UNCHANGED_SPEED_M_S):
             self._speed_m_s = 0.0  # back to the vehicle's own; ArduPilot changes nothing
 
     def _turn(self, item: RouteItem) -> None:

@@ -27,8 +27,8 @@ _CALCULATED_ABOVE_TERRAIN, _ABOVE_TERRAIN = 3, 4
 _FRAMES = {1: (3, 6), 2: (0, 5)}
 """The frames of the modes of an altitude: above the launch position, and above mean sea level."""
 _SAME_ALTITUDE_M = 0.01
-_TERRAIN_FRAME = 10
-_MOST_DEPTH = 10
+_TERRAIN_FRAME_CODE = 10
+_MOST_NESTED_LEVELS = 10
 _NO_FORMAT = "is not in QGroundControl's format"
 
 
@@ -120,7 +120,7 @@ def _holds(part: object, key: str) -> bool:
 
 def _items(items: Sequence[object], prefix: str, depth: int = 0) -> Iterator[RouteItem]:
     """Yields the items in their order, those of surveys too: ``3.2`` is the second of item 3."""
-    if depth > _MOST_DEPTH:
+    if depth > _MOST_NESTED_LEVELS:
         raise FaultError(_NO_FORMAT, f"item {prefix}")
     for index, item in enumerate(items, start=1):
         number = f"{prefix}{index}"
@@ -166,7 +166,7 @@ def _frame(item: Mapping[str, object], frame: int, where: str) -> int:
     mode = item.get("AltitudeMode")
     if mode == _CALCULATED_ABOVE_TERRAIN and item.get("AMSLAltAboveTerrain") is None:
         raise FaultError("its altitude above the terrain was never turned into one above mean sea level", where)
-    return _TERRAIN_FRAME if mode == _ABOVE_TERRAIN else frame
+    return _TERRAIN_FRAME_CODE if mode == _ABOVE_TERRAIN else frame
 
 
 def _require_one_altitude(item: Mapping[str, object], frame: int, altitude: object, where: str) -> None:

@@ -13,7 +13,7 @@ from ual.types import AltitudeReference, GeoWaypoint
 T = TypeVar("T")
 
 HOW = "give an altitude above home at which to fly all of it (--altitude)"
-_MOST_NAMED = 5
+_MOST_NAMED_LINES = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,8 +48,8 @@ def the_one(lines: Sequence[tuple[str, T]], what: str, has: str) -> T:
     """Returns the only one of lines with their names. Raises `FaultError`, which names them, and what else there is."""
     if len(lines) == 1:
         return lines[0][1]
-    names = [shown(name) for name, _ in lines[:_MOST_NAMED] if name]
-    named = f" ({', '.join(names)}{', ...' if len(lines) > _MOST_NAMED else ''})" if names else ""
+    names = [shown(name) for name, _ in lines[:_MOST_NAMED_LINES] if name]
+    named = f" ({', '.join(names)}{', ...' if len(lines) > _MOST_NAMED_LINES else ''})" if names else ""
     instead = f" (it has {has})" if has and not lines else ""
     then = "keep one in a file of its own" if lines else "draw the way as one line"
     raise FaultError(f"has {len(lines)} {what}{named or instead}; a route needs exactly one: {then}")

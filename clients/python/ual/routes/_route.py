@@ -93,9 +93,9 @@ def listed(numbers: Sequence[str]) -> str:
     """Returns ``item 3``, ``items 3, 4 and 7`` or ``items 1, 2, 3, 4, 5 and 12 more`` of the numbers of items."""
     if len(numbers) == 1:
         return f"item {numbers[0]}"
-    shown = list(numbers[:_MOST_LISTED])
+    shown = list(numbers[:_MOST_LISTED_NUMBERS])
     last = f"{len(numbers) - len(shown)} more" if len(numbers) > len(shown) else shown.pop()
     return f"items {', '.join(shown)} and {last}"
 
 
-_MOST_LISTED = 5
+_MOST_LISTED_NUMBERS = 5

@@ -18,7 +18,7 @@ from ual.shared.text import rows_of
 HEADER = "QGC WPL"
 HOME = "item 0: home"
 _FIRMWARES = {"110": Firmware.ARDUPILOT, "120": Firmware.OTHER}
-_COLUMNS = 12
+_COLUMNS_COUNT = 12
 
 
 def read(text: str) -> Route:
@@ -69,8 +69,8 @@ def _optional(field: str) -> float | None:
 
 def _item(line: str, where: str, *, is_decimal: bool) -> RouteItem:
     fields = line.split()
-    if len(fields) != _COLUMNS:
-        raise FaultError(f"{shown(line)} has {len(fields)} columns, not {_COLUMNS}", where)
+    if len(fields) != _COLUMNS_COUNT:
+        raise FaultError(f"{shown(line)} has {len(fields)} columns, not {_COLUMNS_COUNT}", where)
     try:
         if "." not in line:  # the decimal comma of the computer's language
             fields = [with_point(field, is_decimal=is_decimal) for field in fields]

@@ -6,13 +6,13 @@ import os
 import stat
 from pathlib import Path
 
-MOST_BYTES = 1 << 20
+LARGEST_FILE_BYTES = 1 << 20
 _WITHOUT_WAITING = os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
 """Protects against a write into a pipe. Windows has no such flags."""
 
 
 def read(path: Path) -> bytes:
-    """Returns the content of a regular file of at most `MOST_BYTES`.
+    """Returns the content of a regular file of at most `LARGEST_FILE_BYTES`.
 
     Raises:
         OSError: It cannot be read, is not a regular file, or is longer; `strerror` says which.
@@ -24,7 +24,7 @@ def read(path: Path) -> bytes:
             raise IsADirectoryError(0, "it is a directory")
         if not stat.S_ISREG(mode):
             raise OSError(0, "it is not a regular file (a device or a pipe)")
-        data = file.read(MOST_BYTES + 1)
-    if len(data) > MOST_BYTES:
-        raise OSError(0, f"it is longer than {MOST_BYTES} bytes")
+        data = file.read(LARGEST_FILE_BYTES + 1)
+    if len(data) > LARGEST_FILE_BYTES:
+        raise OSError(0, f"it is longer than {LARGEST_FILE_BYTES} bytes")
     return data

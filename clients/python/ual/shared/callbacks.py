@@ -2,11 +2,11 @@
 
 One thread for each subscription would mean one wake-up for each of them with every sample: with a hundred subscriptions
 that takes milliseconds. One thread for all would be delayed by the slowest callback. So all subscriptions begin on one
-worker thread. When a new sample finds that worker busy for longer than `SLOW_S`, the callback that it is running keeps
+worker thread. When a new sample finds that worker busy for longer than `SLOW_CALL_S`, the callback that it runs keeps
 that worker, and the other subscriptions move to a new one.
 
 A thread that has a sample and time to spare calls back itself (`Listener.offer`, then `Listener.call`), which saves
-waking a worker. This is for quick callbacks: one that took longer than `SLOW_S` lately is called by a worker.
+waking a worker. This is for quick callbacks: one that took longer than `SLOW_CALL_S` lately is called by a worker.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from ual.types import Telemetry
 
 _log = logging.getLogger(__name__)
 
-SLOW_S = 0.005
+SLOW_CALL_S = 0.005
 """A callback that takes longer than this is slow."""
 _QUICK_CALLS_COUNT = 10
 """Quick calls in a row after which a slow callback counts as quick again."""
@@ -162,7 +162,7 @@ class Listener:
         except BaseException as error:  # noqa: BLE001 (even a SystemExit must not end a thread that others use)
             self._log_failure(error)
         self._group.calling_thread_ids.discard(thread_id)
-        if time.monotonic() - begin_s > SLOW_S:
+        if time.monotonic() - begin_s > SLOW_CALL_S:
             self._quick_calls_needed = _QUICK_CALLS_COUNT
         elif self._quick_calls_needed:
             self._quick_calls_needed -= 1
@@ -218,9 +218,9 @@ class _CallbackWorker:
         self._waiting.put(listener)
 
     def is_delayed(self) -> bool:
-        """Returns whether it has been busy, without a pause, for longer than `SLOW_S`."""
+        """Returns whether it has been busy, without a pause, for longer than `SLOW_CALL_S`."""
         since_s = self._busy_since_s
-        return since_s is not None and time.monotonic() - since_s > SLOW_S
+        return since_s is not None and time.monotonic() - since_s > SLOW_CALL_S
 
     def take_all(self) -> list[Listener]:
         """Empties the queue and returns the listeners that were in it."""

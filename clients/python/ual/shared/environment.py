@@ -19,7 +19,7 @@ NS_VARIABLE = "UAL_NS"
 CA_VARIABLE = "UAL_TLS_CA"
 _PREFIX = "UAL_"
 _OF_TESTS = "UAL_TEST_"
-_LEAST_SIMILARITY = 0.75
+_NAME_SIMILARITY = 0.75
 """Least similarity of a name to be proposed: all have the same beginning."""
 OTHERS_VARIABLE = "UAL_OTHER_VARIABLES"
 """Names, separated by commas, of variables ``UAL_...`` that belong to programs beside UAL."""
@@ -137,5 +137,5 @@ def mistake_in(given: Mapping[str, str]) -> str:
 def _did_you_mean(name: str, known: set[str]) -> str:
     import difflib  # imported late: only a mistake needs it
 
-    alike = difflib.get_close_matches(name, sorted(known), n=1, cutoff=_LEAST_SIMILARITY)
+    alike = difflib.get_close_matches(name, sorted(known), n=1, cutoff=_NAME_SIMILARITY)
     return f"; did you mean {alike[0]}?" if alike else f"; unset it, or list it in {OTHERS_VARIABLE}"

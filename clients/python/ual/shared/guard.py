@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 _log = logging.getLogger(__name__)
 
-_MOST_LOGGED = 10
+_MOST_LOGGED_ERRORS = 10
 _LONGEST_CAUSE_CHARACTERS = 200
 """In characters: the cause may quote what a caller has sent."""
 
@@ -106,7 +106,7 @@ class WorkGuard:
         """Counts a failure, and logs it with its traceback, once for each kind. For an exception that is handled."""
         _process.add_failure(self.name)
         self.last_cause = cause(error)
-        if type(error) not in self._logged and len(self._logged) < _MOST_LOGGED:
+        if type(error) not in self._logged and len(self._logged) < _MOST_LOGGED_ERRORS:
             self._logged.add(type(error))
             line = "%s: an entry could not be processed, the others are; this is a defect of UAL, please report it"
             _log.error(line, self.name, exc_info=error)

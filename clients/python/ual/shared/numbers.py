@@ -48,7 +48,7 @@ def with_point(field: str, *, is_decimal: bool) -> str:
 def shown(value: object) -> str:
     """Returns a value of a file as one short line for a message."""
     text = value if isinstance(value, str) else repr(value)
-    return repr(text if len(text) <= _LONGEST_SHOWN_CHARACTERS else f"{text[:_LONGEST_SHOWN_CHARACTERS]}...")
+    return repr(text if len(text) <= _LONGEST_TEXT_CHARACTERS else f"{text[:_LONGEST_TEXT_CHARACTERS]}...")
 
 
-_LONGEST_SHOWN_CHARACTERS = 60
+_LONGEST_TEXT_CHARACTERS = 60

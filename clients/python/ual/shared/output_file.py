@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-_ROOT = 0
+_ROOT_USER_ID = 0
 
 
 def identity_of(path: Path) -> tuple[int, int, int] | None:
@@ -40,5 +40,5 @@ def has_space(file: int, size_bytes: int) -> bool:
         disk = os.fstatvfs(file)
     except OSError:
         return True  # a write tells
-    left = disk.f_bfree if os.geteuid() == _ROOT else disk.f_bavail
+    left = disk.f_bfree if os.geteuid() == _ROOT_USER_ID else disk.f_bavail
     return not disk.f_blocks or left * disk.f_frsize >= size_bytes

@@ -15,7 +15,7 @@ _TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[{}\[\]:,]', re.DOTALL)
 
 PLAN_KEYS = ("fileType", "version", "groundStation", "mission", "geoFence", "rallyPoints")
 """The keys of QGroundControl's plans."""
-_LEAST_SIMILARITY = 0.8
+_NAME_SIMILARITY = 0.8
 
 
 class JsonError(ValueError):
@@ -67,7 +67,7 @@ def require_spelled(values: Mapping[str, object], known: Collection[str]) -> Non
     missing = [lower for lower, key in by_lower.items() if key not in values]
     for key in values:
         lower = key.lower()
-        alike = [lower] if lower in by_lower else difflib.get_close_matches(lower, missing, 1, _LEAST_SIMILARITY)
+        alike = [lower] if lower in by_lower else difflib.get_close_matches(lower, missing, 1, _NAME_SIMILARITY)
         if key not in known and alike:
             raise ValueError(f"{shown(key)} is not known: is {shown(by_lower[alike[0]])} meant?")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ual.errors import InvalidArgumentError
 
-_LONGEST_S = 1e9
+_LONGEST_LOCK_TIMEOUT_S = 1e9
 """Longer times count as no limit: gRPC's deadlines end 2**63 ns after 1970, and those of locks 2**63 ns from now."""
 
 
@@ -22,4 +22,4 @@ def time_limit(timeout_s: float | None) -> float | None:
         is_time = False
     if not is_time:
         raise InvalidArgumentError(f"timeout_s: {timeout_s!r} is no time to wait", {"field": "timeout_s"})
-    return timeout_s if timeout_s <= _LONGEST_S else None
+    return timeout_s if timeout_s <= _LONGEST_LOCK_TIMEOUT_S else None

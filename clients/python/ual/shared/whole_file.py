@@ -14,10 +14,10 @@ from pathlib import Path
 
 _NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL
 _NEW |= getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
-OWN = 0o600
+OWNER_PERMISSIONS = 0o600
 """Permissions of a file that only its owner may read."""
-READABLE = 0o644
-_UMASKED = 0o666
+READABLE_PERMISSIONS = 0o644
+_UMASKED_PERMISSIONS = 0o666
 _LONGEST_NAME_CHARACTERS = 60
 """In characters: with its ending, the name beside the file must not be longer than a file system takes."""
 _NO_LINKS = (errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK)
@@ -55,7 +55,7 @@ def replace(path: Path, data: bytes | str, mode: int, *, is_durable: bool = Fals
     _replace(path, data.encode() if isinstance(data, str) else data, mode, is_durable=is_durable)
 
 
-def create(path: Path, data: bytes, mode: int = OWN) -> None:
+def create(path: Path, data: bytes, mode: int = OWNER_PERMISSIONS) -> None:
     """Writes a file that must not be there yet. It is on the disk once this returns.
 
     Raises:
@@ -131,7 +131,7 @@ def _or_nothing(beside: Path, path: Path) -> Iterator[None]:
 
 
 def _write_new(path: Path, data: bytes, mode: int | None, *, is_durable: bool) -> None:
-    handle = os.open(path, _NEW, _UMASKED if mode is None else OWN)
+    handle = os.open(path, _NEW, _UMASKED_PERMISSIONS if mode is None else OWNER_PERMISSIONS)
     try:
         if mode is not None and hasattr(os, "fchmod"):
             os.fchmod(handle, mode)

@@ -161,7 +161,9 @@ def _write(directory: Path, name: str, certificate: x509.Certificate, key: ec.El
     private = key.private_bytes(serialization.Encoding.PEM, serialization.PrivateFormat.PKCS8, unencrypted)
     whole_file.create(where.key, private)
     try:
-        whole_file.create(where.certificate, certificate.public_bytes(serialization.Encoding.PEM), whole_file.READABLE)
+        whole_file.create(
+            where.certificate, certificate.public_bytes(serialization.Encoding.PEM), whole_file.READABLE_PERMISSIONS
+        )
     except OSError:
         where.key.unlink()  # a key without its certificate would be in the way of the next try
         raise

@@ -17,7 +17,7 @@ from ual.network.settings import NetworkSettings
 from ual.shared import whole_file
 from ual_tools.access import certificates
 
-PORT = 7447
+DEFAULT_PORT = 7447
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,7 @@ class Router:
 
     name: str
     host: str
-    port: int = PORT
+    port: int = DEFAULT_PORT
 
     @property
     def endpoint(self) -> str:
@@ -111,5 +111,5 @@ def _write_member(directory: Path, site: NetworkSite, name: str) -> Path:
 
 
 def _replace(path: Path, text: str) -> Path:
-    whole_file.write(path, text, whole_file.OWN)
+    whole_file.write(path, text, whole_file.OWNER_PERMISSIONS)
     return path

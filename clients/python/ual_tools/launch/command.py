@@ -14,12 +14,12 @@ from ual.shared import whole_file
 from ual_tools.app import command
 from ual_tools.help import Section
 from ual_tools.session import CommandSession, note, pass_session
-from ual_tools.strict_yaml.loading import WRONG_FILE, loaded
+from ual_tools.strict_yaml.loading import WRONG_FILE_STATUS, loaded
 
 if TYPE_CHECKING:
     from ual_tools.launch.team import Team
 
-_FAILED = 1
+_FAILED_STATUS = 1
 
 
 @command(
@@ -77,7 +77,7 @@ def _write(team: Team, directory: Path | None, file: Path | None) -> None:
             texts[file] = compose.text(team)
     except CannotExpressError as error:
         note(f"ual: {team.file}: {error}")
-        raise click.exceptions.Exit(WRONG_FILE) from None
+        raise click.exceptions.Exit(WRONG_FILE_STATUS) from None
     for path, text in texts.items():
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -100,7 +100,7 @@ def _run(team: Team) -> None:
     with TeamLog([each.name for each in team.programs]) as log:
         is_good = asyncio.run(run.run(team, log))
     if not is_good:
-        raise click.exceptions.Exit(_FAILED)
+        raise click.exceptions.Exit(_FAILED_STATUS)
 
 
 def _refuse_running(team: Team) -> None:
@@ -109,7 +109,7 @@ def _refuse_running(team: Team) -> None:
         running = discovery.registered(daemon.ns)
         if running is not None:
             note(f"ual: {daemon.ns} has a daemon already, pid {running.pid} at {running.address}: end it first")
-            raise click.exceptions.Exit(_FAILED)
+            raise click.exceptions.Exit(_FAILED_STATUS)
 
 
 COMMANDS = (launch,)

@@ -14,6 +14,7 @@ from collections.abc import Collection
 from pathlib import Path
 
 _PR_SET_CHILD_SUBREAPER = 36
+"""Of `prctl` (linux/prctl.h)."""
 
 
 def adopt_orphans() -> None:

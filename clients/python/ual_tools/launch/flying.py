@@ -12,8 +12,8 @@ from ual.errors import DaemonUnreachableError, UalError
 from ual.types import State, Telemetry
 from ual_tools.output import error_text
 
-_RATE_HZ = 5.0
-_AGAIN_S = 0.2
+_TELEMETRY_RATE_HZ = 5.0
+_LAND_RETRY_S = 0.2
 _HOLDER = "ual launch"
 _COMMANDED = (State.TAKING_OFF, State.FLYING_AUTO, State.LANDING)
 IN_THE_AIR = (*_COMMANDED, State.FLYING_MANUAL)
@@ -39,7 +39,7 @@ class Watched:
     async def follow(self, address: str) -> None:
         """Follows the telemetry of a daemon until it ends."""
         try:
-            async with _client(self.ns, address) as uav, uav.subscribe(_RATE_HZ) as samples:
+            async with _client(self.ns, address) as uav, uav.subscribe(_TELEMETRY_RATE_HZ) as samples:
                 async for telemetry in samples:
                     self.see(telemetry)
         except UalError:
@@ -89,14 +89,14 @@ async def land(watched: Watched, address: Callable[[], str | None], limit_s: flo
                     if await uav.wait_for(*_DECIDED, timeout_s=left_s) in _ON_GROUND:
                         return None
                     async with uav.lease(_HOLDER, take=True):  # the team's programs may have it
-                        await uav.land(timeout_s=max(end_s - time.monotonic(), _AGAIN_S))
+                        await uav.land(timeout_s=max(end_s - time.monotonic(), _LAND_RETRY_S))
             except DaemonUnreachableError:
                 pass
             except UalError as error:
                 return error_text(error)
             else:
                 return None
-        await asyncio.sleep(_AGAIN_S)
+        await asyncio.sleep(_LAND_RETRY_S)
     return f"not on the ground after {limit_s:g} s" if watched.is_in_control else None
 
 

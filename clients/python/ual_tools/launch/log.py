@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rich.text import Text
 
 LAUNCH = "launch"
-_MOST_WAITING = 10_000
+_MOST_WAITING_LINES = 10_000
 _FLUSH_LIMIT_S = 1.0
 _COLOURS = ("cyan", "green", "magenta", "blue", "bright_cyan", "bright_green", "bright_magenta", "bright_blue")
 _CONTROL = re.compile(r"\x1b\[[0-?]*[ -/]*[@-~]|\x1b\][^\x07\x1b]*(?:\x07|\x1b\\)|[\x00-\x08\x0b-\x1f\x7f-\x9f]")
@@ -51,7 +51,7 @@ class TeamLog:
         self._live = Live(
             console=self._console, auto_refresh=False, transient=True, redirect_stdout=False, redirect_stderr=False
         )
-        self._work: queue.Queue[Callable[[], object] | None] = queue.Queue(_MOST_WAITING)
+        self._work: queue.Queue[Callable[[], object] | None] = queue.Queue(_MOST_WAITING_LINES)
         self._lost_count = 0
         self._guard = WorkGuard("launch log")
         self._thread = threading.Thread(target=self._write, name="log", daemon=True)

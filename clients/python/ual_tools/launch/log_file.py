@@ -11,8 +11,8 @@ from ual.shared import output_file
 from ual.shared.pauses import GrowingPauses
 
 _APPEND = os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
-_MODE = 0o666
-_LOOK_S = 0.5
+_FILE_PERMISSIONS = 0o666
+_ROTATION_CHECK_S = 0.5
 """Seconds between two checks that the file is still at its path: it may be moved away each night."""
 
 
@@ -31,8 +31,8 @@ class LogFile:
 
     def __init__(self, path: Path, tell: Callable[[str], None], now_s: Callable[[], float] = time.monotonic) -> None:
         self._path, self._tell, self._now_s = path, tell, now_s
-        self._file: int | None = os.open(path, _APPEND, _MODE)
-        self._look_s = now_s() + _LOOK_S
+        self._file: int | None = os.open(path, _APPEND, _FILE_PERMISSIONS)
+        self._look_s = now_s() + _ROTATION_CHECK_S
         self._pauses = GrowingPauses()
         self._missing_count = 0
 
@@ -70,10 +70,12 @@ class LogFile:
             return self._file
         if self._file is None or output_file.loss_of(self._path, self._file):
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            file = os.open(self._path, _APPEND, _MODE)  # before the last is closed: there may be no descriptor
+            file = os.open(
+                self._path, _APPEND, _FILE_PERMISSIONS
+            )  # before the last is closed: there may be no descriptor
             self.close()
             self._file = file
-        self._look_s = now_s + _LOOK_S
+        self._look_s = now_s + _ROTATION_CHECK_S
         return self._file
 
 

@@ -16,7 +16,7 @@ from ual_tools.launch.team import Program
 
 _CHUNK_BYTES = 1 << 16
 _LONGEST_ROW_BYTES = 8192
-_REST_S = 1.0
+_OUTPUT_REST_S = 1.0
 """Seconds for which the last lines of a program that has ended are awaited."""
 
 
@@ -76,7 +76,7 @@ class TeamProcess:
         status = await self._process.wait()
         assert self._reading is not None
         # What it has left behind may keep the pipe open: so not without a limit.
-        await asyncio.wait((self._reading,), timeout=_REST_S)
+        await asyncio.wait((self._reading,), timeout=_OUTPUT_REST_S)
         return status
 
     def signal(self, number: signal.Signals) -> None:

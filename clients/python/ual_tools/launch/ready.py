@@ -12,7 +12,7 @@ from pathlib import Path
 from ual import discovery
 from ual_tools.launch.team import Program, ReadyCondition
 
-_LOOK_S = 0.05
+_POLL_PERIOD_S = 0.05
 """Seconds between two looks at a port, a file and a registration: the system does not announce them."""
 _HEALTH_WATCH = "/grpc.health.v1.Health/Watch"
 _SERVING = b"\x08\x01"
@@ -54,7 +54,7 @@ async def _until_open(address: str) -> None:
         try:
             _, writer = await asyncio.open_connection(host.strip("[]"), int(port))
         except OSError:
-            await asyncio.sleep(_LOOK_S)
+            await asyncio.sleep(_POLL_PERIOD_S)
         else:
             writer.close()
             return
@@ -62,7 +62,7 @@ async def _until_open(address: str) -> None:
 
 async def _until(is_true: Callable[[], bool]) -> None:
     while not is_true():  # noqa: ASYNC110  nobody would set an event
-        await asyncio.sleep(_LOOK_S)
+        await asyncio.sleep(_POLL_PERIOD_S)
 
 
 async def address_of(ns: str, session: int) -> str:
@@ -71,7 +71,7 @@ async def address_of(ns: str, session: int) -> str:
         found = discovery.registered(ns)
         if found is not None and _session_of(found.pid) == session:
             return found.address
-        await asyncio.sleep(_LOOK_S)
+        await asyncio.sleep(_POLL_PERIOD_S)
 
 
 def _session_of(pid: int) -> int | None:
@@ -92,4 +92,4 @@ async def _until_serving(address: str) -> None:
                 async for answer in watch(b""):
                     if answer == _SERVING:
                         return
-            await asyncio.sleep(_LOOK_S)
+            await asyncio.sleep(_POLL_PERIOD_S)

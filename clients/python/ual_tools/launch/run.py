@@ -18,7 +18,7 @@ from ual_tools.launch.team import AtEnd, Team
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 ONE_PRESS_S = 0.3
 """Signals that come closer than this are of one press of Ctrl-C."""
-_LOOK_S = 0.05
+_POLL_PERIOD_S = 0.05
 _KILL_AFTER_S = 2.0
 
 
@@ -202,7 +202,7 @@ class _TeamRun:
             asked |= left
             if number is signal.SIGTERM and loop.time() - begun_s > _KILL_AFTER_S:
                 number, asked = signal.SIGKILL, set()
-            await asyncio.sleep(_LOOK_S)
+            await asyncio.sleep(_POLL_PERIOD_S)
             descendants.reap(())
 
 

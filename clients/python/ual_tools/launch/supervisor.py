@@ -16,9 +16,9 @@ from ual_tools.launch.team import Program, ReadyCondition, Restart
 
 _PAUSES_S = (0.0, 1.0, 2.0, 4.0, 8.0)
 """Before each new start. A daemon that dies in flight is missed at once; one that dies repeatedly is given up."""
-_GOOD_S = 60.0
+_STABLE_RUN_S = 60.0
 """Seconds of running after which a program begins with the first pause again."""
-_WRONG_CONFIGURATION = 2
+_WRONG_CONFIGURATION_STATUS = 2
 
 
 class Supervisor:
@@ -64,7 +64,7 @@ class Supervisor:
             status = await self._once()
             if self._is_stopping or not self._is_restarted(status):
                 return
-            restarts = 0 if time.monotonic() - begun_s > _GOOD_S else restarts
+            restarts = 0 if time.monotonic() - begun_s > _STABLE_RUN_S else restarts
             if restarts == len(_PAUSES_S):
                 self.failure = f"it has ended {restarts + 1} times: given up"
                 self._show("given up")
@@ -131,7 +131,11 @@ class Supervisor:
         self._log.note(f"{self.program.name}: {self.failure or ('ready' if is_done else 'has ended')}", is_bad=is_bad)
 
     def _is_restarted(self, status: int | None) -> bool:
-        if status is None or not self.ready.is_set() or (self.program.is_daemon and status == _WRONG_CONFIGURATION):
+        if (
+            status is None
+            or not self.ready.is_set()
+            or (self.program.is_daemon and status == _WRONG_CONFIGURATION_STATUS)
+        ):
             return False
         if status == 0:
             return self.program.restart is Restart.ALWAYS and self.program.ready.condition is not ReadyCondition.EXIT

@@ -9,7 +9,7 @@ from pathlib import Path
 from ual_tools.launch.boot import RUNTIME_DIR, CannotExpressError, landing_of, test_of
 from ual_tools.launch.team import Program, ReadyCondition, Restart, Team
 
-_MARGIN_S = 10.0
+_LANDING_MARGIN_S = 10.0
 """The landing ends by its own limit, not by that of the unit."""
 
 HARDENING = """\
@@ -141,7 +141,9 @@ def _commands(team: Team, program: Program) -> list[str]:
 
 
 def _times(team: Team, program: Program) -> list[str]:
-    limit_s = max(program.stop_limit_s, team.land_limit_s + _MARGIN_S) if program.is_daemon else program.stop_limit_s
+    limit_s = (
+        max(program.stop_limit_s, team.land_limit_s + _LANDING_MARGIN_S) if program.is_daemon else program.stop_limit_s
+    )
     restart = Restart.NO if program.ready.condition is ReadyCondition.EXIT else program.restart
     return [
         f"Restart={restart.value}",

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 from ual.errors import DaemonUnreachableError, InvalidArgumentError
 from ual.shared.guard import WorkGuard
 from ual_tools.network.joined import label
-from ual_tools.watch_board import LOST_S, Board
+from ual_tools.watch_board import LOST_UAV_S, Board
 
 if TYPE_CHECKING:
     from ual.network import Network, NetworkUav
 
-_LOOK_S = 0.1
-_CLOSE_S = 2.0
+_POLL_PERIOD_S = 0.1
+_CLOSE_TIMEOUT_S = 2.0
 
 
 class Feed:
@@ -41,7 +41,7 @@ class Feed:
         """Takes what is new since the last time."""
         now_s = time.monotonic()
         found = {label(uav): uav for uav in self._network.uavs()}
-        self._board.lost_after_s = max((uav.old_after_s for uav in found.values()), default=LOST_S)
+        self._board.lost_after_s = max((uav.old_after_s for uav in found.values()), default=LOST_UAV_S)
         for name in self._heard_s.keys() - found.keys():  # forgotten, or shown by another name
             del self._heard_s[name]
             self._board.forget(name)
@@ -77,7 +77,7 @@ def feeding(feed: Feed) -> Iterator[None]:
     is_closing, guard = threading.Event(), WorkGuard("network")
 
     def follow() -> None:
-        while not is_closing.wait(_LOOK_S):
+        while not is_closing.wait(_POLL_PERIOD_S):
             guard.contain(feed.update)
 
     thread = threading.Thread(target=follow, name="ual network", daemon=True)
@@ -86,4 +86,4 @@ def feeding(feed: Feed) -> Iterator[None]:
         yield
     finally:
         is_closing.set()
-        thread.join(_CLOSE_S)
+        thread.join(_CLOSE_TIMEOUT_S)

@@ -23,7 +23,7 @@ from ual_tools.session import CommandSession, pass_session
 if TYPE_CHECKING:
     from ual.network import NetworkUav
 
-_LOOK_S = 0.5
+_POLL_PERIOD_S = 0.5
 
 
 @command(
@@ -69,13 +69,13 @@ def gateway(session: CommandSession, file: Path, pid_file: Path | None, once: bo
             _tell_nginx(pid_file, session.tell)
         if once:
             return
-        time.sleep(_LOOK_S)
+        time.sleep(_POLL_PERIOD_S)
 
 
 def _write(file: Path, text: str) -> str:
     """Writes the list. Returns why it cannot be written now; empty if it is."""
     try:
-        whole_file.write(file, text, whole_file.READABLE)
+        whole_file.write(file, text, whole_file.READABLE_PERMISSIONS)
     except OSError as error:
         return f"cannot write {file}: {error.strerror}"
     return ""

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
 
 ENDINGS = (".ulg", ".bin")
-_STEP_S = 0.1
+_COMPARED_STEP_S = 0.1
 _LEAST_LIKENESS = 0.6
 """Least likeness of the speeds, from 0 to 1, where the log does not know the time of day."""
 _CLOCKS_DIFFER_S = 10.0
@@ -25,7 +25,7 @@ _CLOCKS_DIFFER_S = 10.0
 _LEAST_OVERLAP_S, _LEAST_COMPARED_S = 0.2, 5.0
 """For how long the log has to be of the time of the recording, and to be compared with it."""
 _DATAFLASH = b"\xa3\x95\x80"
-_USEC_OF_UTC = 1_500_000_000_000_000
+_EARLIEST_UTC_US = 1_500_000_000_000_000
 
 
 @dataclass(slots=True)
@@ -130,16 +130,16 @@ def _best_shift_s(track: LogTrack, times_s: Sequence[float], speeds: Sequence[fl
     import numpy as np
 
     def even(times: Sequence[float], values: Sequence[float]) -> np.typing.NDArray[np.float64]:
-        grid = np.arange(times[0], times[-1], _STEP_S)
+        grid = np.arange(times[0], times[-1], _COMPARED_STEP_S)
         return np.asarray(np.interp(grid, times, values))
 
     ours, theirs = even(times_s, speeds), even(track.times_s, track.speeds)
-    if min(len(ours), len(theirs)) * _STEP_S < _LEAST_COMPARED_S:
+    if min(len(ours), len(theirs)) * _COMPARED_STEP_S < _LEAST_COMPARED_S:
         raise InvalidArgumentError("the log or the recording is too short to be compared", {"field": "log"})
     products = np.correlate(ours, theirs, "full")
     squares = np.correlate(ours**2, np.ones(len(theirs)), "full") * np.correlate(np.ones(len(ours)), theirs**2, "full")
     lengths = np.correlate(np.ones(len(ours)), np.ones(len(theirs)), "full")
-    enough = (lengths * _STEP_S >= _LEAST_COMPARED_S) & (squares > 0.0)
+    enough = (lengths * _COMPARED_STEP_S >= _LEAST_COMPARED_S) & (squares > 0.0)
     # Of what moves alike for a short time and what does so for long, the longer is meant.
     likeness = np.where(enough, products / np.sqrt(np.where(squares > 0.0, squares, 1.0)), 0.0)
     best = int(np.argmax(likeness * np.sqrt(np.where(enough, products, 0.0).clip(0.0))))
@@ -147,7 +147,7 @@ def _best_shift_s(track: LogTrack, times_s: Sequence[float], speeds: Sequence[fl
         raise InvalidArgumentError(
             "the log does not move as the recording does: is it the same flight?", {"field": "log"}
         )
-    return times_s[0] - track.times_s[0] + (best - len(theirs) + 1) * _STEP_S
+    return times_s[0] - track.times_s[0] + (best - len(theirs) + 1) * _COMPARED_STEP_S
 
 
 def _of_px4(file: Path) -> LogTrack:
@@ -175,7 +175,7 @@ def _px4_utc_us(satellites: dict[str, Sequence[int]] | None) -> int | None:
     if satellites is None:
         return None
     pairs = zip(satellites["timestamp"], satellites["time_utc_usec"], strict=True)
-    known = [int(utc_us) - int(time_us) for time_us, utc_us in pairs if int(utc_us) > _USEC_OF_UTC]
+    known = [int(utc_us) - int(time_us) for time_us, utc_us in pairs if int(utc_us) > _EARLIEST_UTC_US]
     return sorted(known)[len(known) // 2] if known else None
 
 
@@ -191,7 +191,7 @@ def _of_ardupilot(file: Path) -> LogTrack:
             if getattr(message, "C", 0) == 0:  # the first estimator
                 velocity = (message.VN, message.VE, message.VD)
                 track.add(message._timestamp, message.PN, message.PE, message.PD, _norm(velocity))  # noqa: SLF001  pymavlink's only way
-    track.is_utc = bool(track.times_s) and track.times_s[0] > _USEC_OF_UTC * 1e-6
+    track.is_utc = bool(track.times_s) and track.times_s[0] > _EARLIEST_UTC_US * 1e-6
     return track
 
 

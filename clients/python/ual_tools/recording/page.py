@@ -14,7 +14,7 @@ from ual.types import State, Telemetry
 from ual_tools import positions
 from ual_tools.recording.autopilot_log import LogTrack
 
-_LEAST_NS = 40_000_000
+_SAMPLE_PERIOD_NS = 40_000_000
 """Least time between two drawn points in ns: 25 points a second."""
 _SIZE_IN = (11.7, 8.3)
 """A4, landscape."""
@@ -73,7 +73,7 @@ class DrawnFlight:
         _extend(self.states, sample.state.name, time_s, sample.state)
         if sample.task is not None:
             _extend(self.tasks, sample.task.kind.name, time_s)
-        is_due = not self.times_s or time_s - self.times_s[-1] >= _LEAST_NS * 1e-9
+        is_due = not self.times_s or time_s - self.times_s[-1] >= _SAMPLE_PERIOD_NS * 1e-9
         found = _in_map(sample) if self.is_in_map else _in_its_frame(sample)
         if found is None or not is_due:
             return

@@ -13,7 +13,7 @@ from ual.types import Telemetry
 
 Cell = str | float | int | bool | None
 _Column = Callable[[Telemetry], Cell]
-_BATCH_ROWS = 10_000
+_BATCH_ROWS_COUNT = 10_000
 
 
 def _xyz(prefix: str, pose: Callable[[Telemetry], Pose | None]) -> dict[str, _Column]:
@@ -112,7 +112,7 @@ def _batches(table: Iterable[list[Cell]]) -> Iterator[list[list[Cell]]]:
     batch: list[list[Cell]] = []
     for row in table:
         batch.append(row)
-        if len(batch) >= _BATCH_ROWS:
+        if len(batch) >= _BATCH_ROWS_COUNT:
             yield batch
             batch = []
     if batch:

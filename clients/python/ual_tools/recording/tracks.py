@@ -11,7 +11,7 @@ from xml.etree import ElementTree as ET  # only written, never read
 from ual.recording.reader import Message
 from ual.shared import whole_file
 
-_LEAST_NS = 100_000_000
+_SAMPLE_PERIOD_NS = 100_000_000
 """Ten points a second are enough for a map."""
 
 
@@ -31,7 +31,7 @@ def tracks(messages: Iterable[Message]) -> dict[str, list[Point]]:
     for message in messages:
         if message.name != "telemetry" or message.log_ns < due_ns.get(message.ns, 0):
             continue
-        due_ns[message.ns] = message.log_ns + _LEAST_NS
+        due_ns[message.ns] = message.log_ns + _SAMPLE_PERIOD_NS
         sample = message.telemetry()
         place, track = sample.position_geo, found.setdefault(message.ns, [])
         if place is None:

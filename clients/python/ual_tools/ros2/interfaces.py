@@ -27,7 +27,7 @@ _PACKAGES = {"tf2_msgs": _HERE / "tf2_msgs", "ual_msgs": SOURCES / "ual_msgs"}
 _BUILT = (".action", ".msg", ".srv", ".txt", ".xml")
 _TOOLS = ("cmake", "c++")
 _NO_TOOLS = "ual_msgs has to be built once, and there is no {tools}: `sudo apt install build-essential cmake`"
-_SHOWN_LINES = 15
+_MOST_SHOWN_LINES = 15
 
 
 def cache() -> Path:
@@ -157,7 +157,7 @@ def _run(step: list[str], environment: Mapping[str, str], log: Path, name: str) 
     with log.open("a") as file:
         file.write(done.stdout)
     if done.returncode != 0:
-        end = "\n".join(done.stdout.splitlines()[-_SHOWN_LINES:])
+        end = "\n".join(done.stdout.splitlines()[-_MOST_SHOWN_LINES:])
         raise UalError(
             f"{name} cannot be built: `{' '.join(step[:2])}` ended with {done.returncode}. All of it: {log}\n{end}"
         )

@@ -19,9 +19,9 @@ USER_VARIABLE, PASSWORD_VARIABLE = "UAL_NTRIP_USER", "UAL_NTRIP_PASSWORD"
 GGA_S = 10
 """Seconds between two reports of the UAV's position to a caster that wants it."""
 _PORTS = {"ntrip": 2101, "ntrips": 443}
-_WANTS_POSITION = 10
+_NMEA_FIELD = 10
 """The field of a line of the caster's table that is 1 where the caster wants to be told the position."""
-_MOST_NAMED = 10
+_MOST_NAMED_MOUNTPOINTS = 10
 
 Position = Callable[[], GeoPoint | None]
 """Returns where the UAV is; None while that is not known."""
@@ -83,13 +83,17 @@ class NtripSource(CorrectionsSource):
             if head is None or head.status != protocol.OK:
                 return None
             lines = [line for line in connection.table() if line and line[0] == self._caster.mountpoint]
-        told = {line[_WANTS_POSITION].strip() if len(line) > _WANTS_POSITION else "" for line in lines}
+        told = {line[_NMEA_FIELD].strip() if len(line) > _NMEA_FIELD else "" for line in lines}
         return {"0": False, "1": True}.get(told.pop()) if len(told) == 1 else None
 
     def _require_data(self, head: Head, connection: NtripConnection) -> None:
         """Refuses an answer without corrections: for good, where the caster has no such mount point."""
         if head.is_table or head.status == protocol.MISSING:
-            names = sorted({line[0] for line in connection.table() if line})[:_MOST_NAMED] if head.is_table else []
+            names = (
+                sorted({line[0] for line in connection.table() if line})[:_MOST_NAMED_MOUNTPOINTS]
+                if head.is_table
+                else []
+            )
             has = f" (it has {', '.join(names) or 'none'})" if head.is_table else ""
             where = f"{self._caster.host}:{self._caster.port}"
             text = f"ntrip: {where} has no mount point {self._caster.mountpoint}{has}"

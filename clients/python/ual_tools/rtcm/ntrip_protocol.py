@@ -13,7 +13,7 @@ from typing import NamedTuple
 from ual.shared.text import printable
 from ual.types import GeoPoint
 from ual_tools import __version__
-from ual_tools.rtcm.source import CONNECT_S, WAIT_S, SourceError
+from ual_tools.rtcm.source import CONNECT_S, READ_TIMEOUT_S, SourceError
 
 OK, FORBIDDEN, MISSING = 200, frozenset({401, 403}), 404
 _READ_BYTES = 4096
@@ -152,7 +152,7 @@ def connected(caster: Caster) -> Iterator[NtripConnection]:
             with _as_source_error():
                 link = ssl.create_default_context().wrap_socket(link, server_hostname=caster.host)
         with link:
-            link.settimeout(WAIT_S)
+            link.settimeout(READ_TIMEOUT_S)
             yield NtripConnection(link)
 
 

@@ -12,10 +12,10 @@ from typing_extensions import Self
 
 from ual.errors import UalError
 from ual.shared.guard import WorkGuard
-from ual_tools.rtcm.source import SILENCE_S, WAIT_S, CorrectionsSource, SourceError
+from ual_tools.rtcm.source import READ_TIMEOUT_S, SOURCE_SILENCE_S, CorrectionsSource, SourceError
 
-FIRST_PAUSE_S = 1.0
-LONGEST_PAUSE_S = 30.0
+FIRST_RECONNECT_PAUSE_S = 1.0
+LONGEST_RECONNECT_PAUSE_S = 30.0
 MOST_CHUNKS = 64
 """Most chunks that wait while the daemon is away; beyond them the oldest is dropped."""
 
@@ -27,7 +27,7 @@ class CorrectionsReader:
         self,
         source: CorrectionsSource,
         tell: Callable[[str], object],
-        first_pause_s: float = FIRST_PAUSE_S,
+        first_pause_s: float = FIRST_RECONNECT_PAUSE_S,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self.failure: UalError | None = None
@@ -48,13 +48,13 @@ class CorrectionsReader:
 
     def __exit__(self, *_: object) -> None:
         self._closed.set()
-        self._thread.join(2.0 * WAIT_S)
+        self._thread.join(2.0 * READ_TIMEOUT_S)
 
     def chunks(self, ended: threading.Event) -> Iterator[bytes]:
         """Yields what comes until `ended` is set, or the source is of no use."""
         while not ended.is_set() and self.failure is None:
             try:
-                yield self._chunks.get(timeout=WAIT_S)
+                yield self._chunks.get(timeout=READ_TIMEOUT_S)
             except Empty:
                 continue
 
@@ -75,7 +75,7 @@ class CorrectionsReader:
                 why = self._guard.last_cause
             if self._closed.is_set():
                 return
-            pause_s = self._first_pause_s if self._has_read else min(2.0 * pause_s, LONGEST_PAUSE_S)
+            pause_s = self._first_pause_s if self._has_read else min(2.0 * pause_s, LONGEST_RECONNECT_PAUSE_S)
             self._tell(f"{self._source.name}: {why}; trying again in {pause_s:g} s")
             self._closed.wait(pause_s)
 
@@ -89,8 +89,8 @@ class CorrectionsReader:
                 if chunk:
                     heard_s = self._clock()
                     self._keep(chunk)
-                elif self._clock() - heard_s > SILENCE_S:
-                    raise SourceError(f"nothing came for {SILENCE_S:g} s")
+                elif self._clock() - heard_s > SOURCE_SILENCE_S:
+                    raise SourceError(f"nothing came for {SOURCE_SILENCE_S:g} s")
 
     def _keep(self, chunk: bytes) -> None:
         if not self._has_read:

@@ -12,13 +12,13 @@ from ual.errors import InvalidArgumentError
 from ual.shared import extras
 
 EXTRA = "ual-tools[rtk]"
-WAIT_S = 0.5
+READ_TIMEOUT_S = 0.5
 """The longest time in which nothing is yielded."""
-SILENCE_S = 30.0
+SOURCE_SILENCE_S = 30.0
 """Seconds of silence after which a source is opened again. Base stations send each second."""
 CONNECT_S = 10.0
 _READ_BYTES = 2048
-_USUAL_BAUD = 115_200
+_SERIAL_BAUD = 115_200
 
 
 class SourceError(Exception):
@@ -51,7 +51,7 @@ class TcpSource(CorrectionsSource):
     def chunks(self) -> Generator[bytes, None, None]:
         try:
             with socket.create_connection(self._address, CONNECT_S) as connection:
-                connection.settimeout(WAIT_S)
+                connection.settimeout(READ_TIMEOUT_S)
                 yield from _received(connection)
         except OSError as error:
             raise SourceError(error.strerror or str(error)) from None
@@ -83,7 +83,7 @@ class SerialSource(CorrectionsSource):
         import serial
 
         try:
-            with serial.Serial(self._port, self._baud, timeout=WAIT_S, exclusive=True) as line:
+            with serial.Serial(self._port, self._baud, timeout=READ_TIMEOUT_S, exclusive=True) as line:
                 while True:
                     yield line.read(1) + line.read(line.in_waiting)
         except (OSError, ValueError) as error:  # pyserial's own error is an OSError; ValueError: an impossible rate
@@ -94,7 +94,7 @@ def serial_source(text: str) -> SerialSource:
     """Returns the source of ``PORT`` or ``PORT:BAUD``."""
     port, separator, baud = text.rpartition(":")
     if not separator:
-        return SerialSource(text, _USUAL_BAUD)
+        return SerialSource(text, _SERIAL_BAUD)
     if not port or not baud.isdecimal() or not int(baud):
         raise InvalidArgumentError(
             f"serial: {text} is not PORT or PORT:BAUD, as /dev/ttyACM0:115200", {"field": "serial"}

@@ -13,7 +13,7 @@ from ual_tools.session import note
 
 T = TypeVar("T")
 
-WRONG_FILE = 2
+WRONG_FILE_STATUS = 2
 """The exit status of a command that was given a file that is not valid."""
 
 
@@ -33,4 +33,4 @@ def loaded(load: Callable[[Path], T], file: Path, what: str, extra: str) -> T:
             return load(file)
     except YamlFileError as error:
         note(f"ual: {error}")
-        raise click.exceptions.Exit(WRONG_FILE) from None
+        raise click.exceptions.Exit(WRONG_FILE_STATUS) from None

@@ -10,14 +10,14 @@ from ual.types import State, Telemetry
 from ual_tools import condition
 from ual_tools.condition import STYLES
 from ual_tools.output import pose_text, running_text
-from ual_tools.teleop.pilot import OLD_S, StickMode, View
+from ual_tools.teleop.pilot import TELEMETRY_AGE_LIMIT_S, StickMode, View
 from ual_tools.teleop.speeds import LEVELS, SpeedLevel
 from ual_tools.watch_table import STATE_STYLES, TableRow
 
-_NAME = 11
+_NAME_COLUMNS = 11
 _MOST_LINES = 3
 """Of a long text."""
-_SHOWN_S = 3.0
+_REFUSAL_SHOWN_S = 3.0
 """A refusal is bright for this time."""
 
 
@@ -55,7 +55,7 @@ def _named(rows: Sequence[_Row], names: Container[str] | None, most_lines: int, 
 
 def _uav(view: View) -> list[_Row]:
     t = view.telemetry or Telemetry(State.UNINITIALIZED)
-    is_old = view.age_s > OLD_S
+    is_old = view.age_s > TELEMETRY_AGE_LIMIT_S
     level = condition.battery_level(t.battery)
     rows = [
         ("state", "" if view.telemetry is None else t.state.name, STATE_STYLES.get(t.state, "")),
@@ -85,14 +85,14 @@ def _battery(t: Telemetry) -> str:
 
 
 def _age(view: View) -> str:
-    if view.age_s <= OLD_S:
+    if view.age_s <= TELEMETRY_AGE_LIMIT_S:
         return f"{view.age_s:.1f} s old"
     return f"NONE FOR {view.age_s:.0f} s: the sticks do nothing"
 
 
 def _sticks(view: View, question: str) -> list[_Row]:
     s = view.sticks
-    is_fresh = view.refusal.text and view.now_s - view.refusal.time_s < _SHOWN_S
+    is_fresh = view.refusal.text and view.now_s - view.refusal.time_s < _REFUSAL_SHOWN_S
     deflections = f"forward {s.forward:+.2f}   left {s.left:+.2f}   up {s.up:+.2f}   turn {s.turn:+.2f}"
     return [
         ("flies", _meaning(view), "bold"),
@@ -124,8 +124,11 @@ def _refused(view: View) -> str:
 
 def _row(name: str, text: str, style: str, width: int, most_lines: int) -> list[TableRow]:
     """Returns a row, which goes on in further lines if the text is long."""
-    first, *others = wrap(text, max(8, width - _NAME), max_lines=most_lines, placeholder=" …") or [""]
-    return [TableRow(f"{name:<{_NAME}}{first}", style), *(TableRow(f"{'':<{_NAME}}{each}", style) for each in others)]
+    first, *others = wrap(text, max(8, width - _NAME_COLUMNS), max_lines=most_lines, placeholder=" …") or [""]
+    return [
+        TableRow(f"{name:<{_NAME_COLUMNS}}{first}", style),
+        *(TableRow(f"{'':<{_NAME_COLUMNS}}{each}", style) for each in others),
+    ]
 
 
 def _keys(help_text: Sequence[tuple[str, str]], width: int) -> list[TableRow]:

@@ -14,7 +14,7 @@ from ual_tools import values
 from ual_tools.app import Multi, UalCommand, UalGroup
 from ual_tools.help import Section
 from ual_tools.selection import several
-from ual_tools.session import REFUSED, CommandSession, note, pass_session
+from ual_tools.session import REFUSED_STATUS, CommandSession, note, pass_session
 from ual_tools.strict_yaml.loading import loaded
 
 if TYPE_CHECKING:
@@ -105,7 +105,7 @@ def joystick(
                 _fly_by(session, height_m, joysticks, device, layout)
     except JoystickError as error:
         note(f"ual: {error}")
-        raise click.exceptions.Exit(REFUSED) from None
+        raise click.exceptions.Exit(REFUSED_STATUS) from None
 
 
 def _layout(file: Path | None) -> Layout:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 QUESTION = "\x1b[5n"
 _ANSWER = b"\x1b[0n"
-PERIOD_S = 0.5
+ECHO_PERIOD_S = 0.5
 """From an answer to the next question."""
 
 
@@ -53,4 +53,4 @@ class Echo:
     def _answer(self, now_s: float) -> None:
         if self._asked_s is not None:
             self._lag_s = now_s - self._asked_s
-        self._is_answering, self._asked_s, self._next_s = True, None, now_s + PERIOD_S
+        self._is_answering, self._asked_s, self._next_s = True, None, now_s + ECHO_PERIOD_S

@@ -16,7 +16,7 @@ CONFIRM_S = 2.0
 """A confirmation is waited for this long."""
 _REPEAT_S = 0.12
 """Seconds within which a key that comes again is a repeat of the terminal: no finger is as fast."""
-_STEP_S = 0.5
+_KEY_STEP_PERIOD_S = 0.5
 """A key that is held makes another step each time this passes."""
 
 # What terminals send for the arrow keys: xterm, and its application mode (ESC O).
@@ -127,7 +127,7 @@ class Steps:
             return CENTRED
         is_repeat = now_s - self._last.get(key, -math.inf) < _REPEAT_S
         self._last[key] = now_s
-        if is_repeat and now_s - self._stepped[key] < _STEP_S:
+        if is_repeat and now_s - self._stepped[key] < _KEY_STEP_PERIOD_S:
             return CENTRED
         self._stepped[key] = now_s
         name, direction = _STICKS[key]

@@ -10,8 +10,8 @@ from ual.joystick import Axis, Button, GamepadState
 from ual_tools.teleop.actions import CONFIRMED, Action
 from ual_tools.teleop.sticks import CENTRED, Sticks
 
-DEAD_ZONE = 0.1
-EXPO = 0.3
+DEAD_ZONE_DEFLECTION = 0.1
+EXPO_SHARE = 0.3
 TWO_BUTTONS = CONFIRMED | {Action.LAND}
 """Actions that need two buttons together: one that is touched by accident must not trigger them."""
 
@@ -26,8 +26,8 @@ class StickAxis:
 
     axis: Axis
     is_inverted: bool = False
-    dead_zone: float = DEAD_ZONE
-    expo: float = EXPO
+    dead_zone: float = DEAD_ZONE_DEFLECTION
+    expo: float = EXPO_SHARE
 
     def deflection(self, state: GamepadState) -> float:
         """Returns the deflection, -1 to 1."""

@@ -10,7 +10,7 @@ from typing import TypeVar
 from ual.joystick import Axis, Button
 from ual_tools.strict_yaml.nodes import Node, read
 from ual_tools.teleop.actions import Action
-from ual_tools.teleop.layout import DEAD_ZONE, EXPO, TWO_BUTTONS, Layout, StickAxis
+from ual_tools.teleop.layout import DEAD_ZONE_DEFLECTION, EXPO_SHARE, TWO_BUTTONS, Layout, StickAxis
 
 E = TypeVar("E", bound=Enum)
 _NONE = "none"
@@ -25,8 +25,8 @@ def load(path: Path) -> Layout:
 
     """
     entries = read(path).entries(("hold", "dead_zone", "expo", "sticks", "actions"))
-    dead_zone = _share(entries["dead_zone"]) if "dead_zone" in entries else DEAD_ZONE
-    expo = _share(entries["expo"]) if "expo" in entries else EXPO
+    dead_zone = _share(entries["dead_zone"]) if "dead_zone" in entries else DEAD_ZONE_DEFLECTION
+    expo = _share(entries["expo"]) if "expo" in entries else EXPO_SHARE
     layout = Layout()
     sticks = {name: replace(axis, dead_zone=dead_zone, expo=expo) for name, axis in layout.sticks.items()}
     if "sticks" in entries:

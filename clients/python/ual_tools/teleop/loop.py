@@ -21,12 +21,12 @@ from ual_tools.watch_screen import as_text
 if TYPE_CHECKING:
     from rich.console import RenderableType
 
-PERIOD_S = 0.05
+LOOP_PERIOD_S = 0.05
 """Ten velocities within the daemon's time-out."""
-LATE_S = 0.5
+LATE_LOOP_S = 0.5
 """After such a pause (a process that was suspended) the daemon has stopped the UAV. What was pressed meanwhile must not
 start it again."""
-SLOW_S = 1.0
+SLOW_LINK_S = 1.0
 """Delay in s of a terminal's answer or picture (a slow link) at which the operator no longer sees the UAV, and a
 released key still flies.
 """
@@ -34,7 +34,7 @@ _LATE = "sticks: released, because the terminal is slow, or the process was susp
 _ANSWER_S = 0.5
 _DRAW_S = 0.2
 """A screen is some 2 kB: 10 kB/s over SSH."""
-_HUNG_UP = 129
+_HUNG_UP_STATUS = 129
 """The exit status of a program that SIGHUP ends."""
 
 
@@ -99,7 +99,7 @@ def _fly_on_screen(pilot: Pilot, controls: Controls, suspension: _Suspension, sa
                 said = pilot.stop()  # before the terminal is restored, which may take long
                 _await_answer(keys, echo)
     except OSError:  # it takes no output any more
-        raise SystemExit(_HUNG_UP) from None
+        raise SystemExit(_HUNG_UP_STATUS) from None
     finally:
         if said:
             say(said)
@@ -108,18 +108,18 @@ def _fly_on_screen(pilot: Pilot, controls: Controls, suspension: _Suspension, sa
 def _loop(
     pilot: Pilot, controls: Controls, keys: TerminalKeys, shown: Screen, echo: Echo, suspension: _Suspension
 ) -> None:
-    last_s = drawn_s = time.monotonic() - PERIOD_S
+    last_s = drawn_s = time.monotonic() - LOOP_PERIOD_S
     while not (pilot.has_quit or suspension.is_asked):
-        read = keys.read(max(0.0, last_s + PERIOD_S - time.monotonic()))
+        read = keys.read(max(0.0, last_s + LOOP_PERIOD_S - time.monotonic()))
         now_s = time.monotonic()
         read = echo.filtered(read, now_s)
-        is_late = now_s - last_s > LATE_S or max(shown.stuck_s(), echo.lag_s(now_s)) > SLOW_S
+        is_late = now_s - last_s > LATE_LOOP_S or max(shown.stuck_s(), echo.lag_s(now_s)) > SLOW_LINK_S
         if is_late:
             pilot.release(_LATE)
         controls.control(pilot, read, now_s, is_late=is_late)
         last_s = now_s
         if keys.is_gone or shown.is_gone:
-            raise SystemExit(_HUNG_UP)
+            raise SystemExit(_HUNG_UP_STATUS)
         if now_s - drawn_s >= _DRAW_S:
             shown.show(_picture(pilot, controls, shown), is_asking=echo.asks(now_s))
             drawn_s = now_s
@@ -186,4 +186,4 @@ def _exit_at_hangup() -> Iterator[None]:
 
 def _hang_up(_: int, __: FrameType | None) -> NoReturn:
     signal.signal(signal.SIGHUP, signal.SIG_IGN)  # another one must not interrupt the stop
-    raise SystemExit(_HUNG_UP)
+    raise SystemExit(_HUNG_UP_STATUS)

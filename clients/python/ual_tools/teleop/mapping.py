@@ -10,7 +10,7 @@ from ual.joystick import Device, Joysticks, Mapper, RawJoystick
 from ual_tools.keys import TerminalKeys
 from ual_tools.terminal import keyboard
 
-_PERIOD_S = 0.02
+_KEY_POLL_S = 0.02
 _QUIT = (b"q", b"\x03")
 _ENTER = (b"\r", b"\n")
 
@@ -35,7 +35,7 @@ def make_mapping(joysticks: Joysticks, device: Device) -> None:
 
 
 def _wait_for_enter(opened: RawJoystick, keys: TerminalKeys) -> None:
-    while (key := keys.read(_PERIOD_S)) not in _ENTER:
+    while (key := keys.read(_KEY_POLL_S)) not in _ENTER:
         _quit_on_key(key, keys)
         opened.read()  # so that SDL sees what moves
 
@@ -47,7 +47,7 @@ def _ask(mapper: Mapper, opened: RawJoystick, keys: TerminalKeys) -> None:
         if text != shown:
             shown = text
             click.echo(text)
-        key = keys.read(_PERIOD_S)
+        key = keys.read(_KEY_POLL_S)
         _quit_on_key(key, keys)
         if key == b"s":
             mapper.skip()

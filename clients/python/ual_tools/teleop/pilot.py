@@ -11,21 +11,21 @@ from enum import Enum
 from ual.geometry import Pose, PoseStamped, Quaternion, Twist, TwistStamped, Vector3
 from ual.types import Limits, State, Telemetry
 from ual_tools.teleop.actions import Action
-from ual_tools.teleop.speeds import FIRST_LEVEL, LEVELS, SpeedLevel
+from ual_tools.teleop.speeds import FIRST_SPEED_LEVEL, LEVELS, SpeedLevel
 from ual_tools.teleop.stepper import Stepper
 from ual_tools.teleop.sticks import CENTRED, Sticks
 from ual_tools.teleop.vehicle import ScreenMessage, TeleopVehicle
 
-OLD_S = 1.0
+TELEMETRY_AGE_LIMIT_S = 1.0
 """With telemetry that is older than this, nobody sees what the UAV does: the sticks do nothing."""
-BRAKE_S = 0.3
+BRAKING_TIME_S = 0.3
 """Seconds after the release for which a velocity of zero is sent, and then nothing."""
-OURS_S = 1.0
+OWN_MOTION_S = 1.0
 """Seconds without a velocity after which the daemon has ended it: the next flight is another's."""
 LEAD_M = 3.0
 """In the pose mode, the reference waits for a UAV that is farther behind."""
-_SAME_M = 0.05
-_REPORTED_S = 0.5
+_SAME_POSITION_M = 0.05
+_REPORT_DELAY_S = 0.5
 """A reference is in the telemetry after this time."""
 _HALT_S = 1.0
 _TASKS = ("take-off", "land")
@@ -72,7 +72,7 @@ class Pilot:
         self, vehicles: Sequence[TeleopVehicle], height_m: float, clock: Callable[[], float] = time.monotonic
     ) -> None:
         self.mode = StickMode.VELOCITY
-        self.level = FIRST_LEVEL
+        self.level = FIRST_SPEED_LEVEL
         self.is_headless = False
         self.has_quit = False
         self._vehicles = vehicles
@@ -158,7 +158,7 @@ class Pilot:
     def _is_blind(self, sticks: Sticks) -> bool:
         """Returns whether nobody sees what the UAV does; says so if the sticks are moved."""
         is_known = self.vehicle.telemetry is not None and self.vehicle.info is not None
-        is_blind = self.vehicle.age_s() > OLD_S or not is_known
+        is_blind = self.vehicle.age_s() > TELEMETRY_AGE_LIMIT_S or not is_known
         if is_blind and not sticks.is_centred():
             self.vehicle.refuse(f"sticks: no telemetry for {self.vehicle.age_s():.0f} s: they do nothing")
         return is_blind
@@ -173,7 +173,7 @@ class Pilot:
         if not sticks.is_centred():
             self._moved_s = now_s
             self.vehicle.send(self._velocity(self.speeds.twist(sticks)))
-        elif now_s - self._moved_s < BRAKE_S:
+        elif now_s - self._moved_s < BRAKING_TIME_S:
             self.vehicle.send(self._velocity(Twist()))
 
     def _velocity(self, twist: Twist) -> TwistStamped:
@@ -212,10 +212,10 @@ class Pilot:
         if self._reference is None:
             return False
         reference, sent_s = self._reference
-        if self._clock() - sent_s < _REPORTED_S:
+        if self._clock() - sent_s < _REPORT_DELAY_S:
             return True
         reported = None if telemetry.task is not None else telemetry.reference_pose
-        return reported is not None and (reported.position - reference.pose.position).norm() < _SAME_M
+        return reported is not None and (reported.position - reference.pose.position).norm() < _SAME_POSITION_M
 
     # --- Actions ------------------------------------------------------------------------------------------------------
 
@@ -294,7 +294,7 @@ class Pilot:
 
     def _is_moving(self) -> bool:
         """Returns whether the UAV flies what the sticks said."""
-        if self._clock() - self._moved_s < OURS_S:
+        if self._clock() - self._moved_s < OWN_MOTION_S:
             return True
         telemetry = self.vehicle.telemetry
         return (

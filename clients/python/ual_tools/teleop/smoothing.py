@@ -3,7 +3,7 @@
 The first repeat comes 225 to 660 ms after the press (the defaults of macOS, Linux and X11), the others 25 to 92 ms
 apart. So a press alone cannot tell a tap from a key that is held. It deflects the axis by `TAP_DEFLECTION` and keeps
 that until the first repeat must have come. The repeat then tells that the key is held, and the axis goes on to 1. A
-held key thus never dips, and a tap moves little. Released, the axis falls from 1 to 0 within `HELD_S` + `FALL_S`.
+held key thus never dips, and a tap moves little. Released, the axis falls from 1 to 0 within `HELD_KEY_S` + `FALL_S`.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import math
 TAP_DEFLECTION = 0.3
 TAP_S = 0.7
 """Longer than the first repeat takes."""
-HELD_S = 0.15
+HELD_KEY_S = 0.15
 """Longer than the time between two repeats."""
 RISE_S = 0.4
 """From 0 to 1."""
@@ -38,7 +38,7 @@ class SmoothedAxis:
             self._value = 0.0
         is_repeat = self._target * direction > 0.0
         self._target = direction if is_repeat else direction * TAP_DEFLECTION
-        self._until_s = now_s + (HELD_S if is_repeat else TAP_S)
+        self._until_s = now_s + (HELD_KEY_S if is_repeat else TAP_S)
 
     def value(self, now_s: float) -> float:
         """Returns the deflection."""

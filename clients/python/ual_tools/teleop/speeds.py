@@ -52,5 +52,5 @@ LEVELS = (
     SpeedLevel(2.0, 1.0, 45.0, 0.75, 30.0),
     SpeedLevel(4.0, 2.0, 60.0, 1.0, 45.0),
 )
-FIRST_LEVEL = 1
+FIRST_SPEED_LEVEL = 1
 """Half a metre a second: slow enough to surprise no pilot."""

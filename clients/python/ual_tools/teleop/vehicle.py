@@ -14,7 +14,7 @@ from ual.interface import Lease, Uav
 from ual.types import Info, Setpoint, Telemetry
 
 TELEMETRY_HZ = 10.0
-STALE_S = 0.2
+STALE_SETPOINT_S = 0.2
 """A setpoint that waited for longer (the daemon did not answer) is dropped: the stick is elsewhere by now."""
 DROPPED = "sticks: a step was dropped, as the daemon was too slow for it"
 _RETRY_S = 1.0
@@ -152,7 +152,7 @@ class TeleopVehicle:
                 while self._setpoint is None and not self._is_closed.is_set():
                     self._changed.wait()
                 newest = self._setpoint
-            if newest is not None and newest[1] + STALE_S >= self._clock():
+            if newest is not None and newest[1] + STALE_SETPOINT_S >= self._clock():
                 self._send(newest)
             elif newest is not None and isinstance(newest[0], PoseStamped):  # a velocity comes again, a step does not
                 self._is_refused = True

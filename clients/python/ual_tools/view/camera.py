@@ -11,9 +11,9 @@ from ual.geometry import Quaternion, Vector3
 _FROM = Vector3(-0.45, -0.75, 0.5)
 """The direction from what is looked at to the camera: from the south-west, from above."""
 _LEAST_RADIUS_M = 3.0
-_MARGIN_FACTOR = 1.1
+_RADIUS_MARGIN_FACTOR = 1.1
 _UNKNOWN_FOV_RAD = 1.0
-_NEAREST_M = 0.1
+_NEAREST_DEPTH_M = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +32,7 @@ class PageCamera:
         None: it is behind the camera.
         """
         seen = self.rotation.inverse().rotate(place - self.position)
-        if seen.z < _NEAREST_M:
+        if seen.z < _NEAREST_DEPTH_M:
             return None
         scale = self.pixels_per_m(seen.z)
         return self.width_px / 2 + seen.x * scale, self.height_px / 2 + seen.y * scale, seen.z
@@ -63,5 +63,5 @@ def framing(places: Sequence[Vector3], fov_rad: float, aspect: float) -> tuple[V
     half_rad = (fov_rad if 0.0 < fov_rad < math.pi else _UNKNOWN_FOV_RAD) / 2.0
     if 0.0 < aspect < 1.0:
         half_rad = math.atan(math.tan(half_rad) * aspect)
-    distance_m = _MARGIN_FACTOR * radius_m / math.sin(half_rad)
+    distance_m = _RADIUS_MARGIN_FACTOR * radius_m / math.sin(half_rad)
     return middle + _FROM * (distance_m / _FROM.norm()), middle

@@ -7,7 +7,7 @@ from ual.gripper import Equipment
 from ual.interface import Gripper
 from ual_tools.gripper import rows
 
-_LOOK_S = 2.0
+_EQUIPMENT_CHECK_S = 2.0
 """States are asked of the autopilot, over its link."""
 
 
@@ -27,7 +27,7 @@ class PayloadBoard:
         if not is_wanted:
             self.rows, self._due_s = (), now_s  # what was seen then is not the present when it is shown again
         elif now_s >= self._due_s:
-            self._due_s = now_s + _LOOK_S
+            self._due_s = now_s + _EQUIPMENT_CHECK_S
             self.rows = self._ask(gripper)
 
     def _ask(self, gripper: Gripper) -> tuple[tuple[str, str], ...]:

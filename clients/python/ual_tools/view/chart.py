@@ -13,7 +13,7 @@ from viser import uplot
 from ual_tools.view.palette import Colour, css
 from ual_tools.view.track import CHART_S, ChartSample, Track
 
-_EVERY_S = 0.5
+_DRAW_PERIOD_S = 0.5
 _MOST_UAVS = 10
 _HEIGHT_PX = 240
 _STEPS = (1.0, 2.0, 5.0)
@@ -52,7 +52,7 @@ class Chart:
 
     def update(self, tracks: Mapping[str, Track], marks: Mapping[str, Colour], now_s: float) -> None:
         """Shows the last minute of some UAVs, of the first ones where they are many."""
-        if now_s - self._drawn_s < _EVERY_S and tuple(tracks) == self._shown:
+        if now_s - self._drawn_s < _DRAW_PERIOD_S and tuple(tracks) == self._shown:
             return
         self._drawn_s = now_s
         if len(tracks) <= 1:

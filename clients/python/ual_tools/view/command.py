@@ -16,7 +16,7 @@ from ual_tools.view.access import access
 from ual_tools.view.map_source import MOST_ZOOM, ZOOM, ground
 from ual_tools.view.shown import MODEL_NAMES
 
-_PORT = 8080
+_DEFAULT_PORT = 8080
 _FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
 
 
@@ -51,7 +51,7 @@ class ModelParam(click.ParamType[tuple[str, str]]):
     help=f"{', '.join(MODEL_NAMES)}: of all UAVs, or of one. When not given, it follows from the backend.",
 )
 @click.option("--host", default="127.0.0.1", show_default=True, help="Where the page is served.")
-@click.option("--port", type=Whole(0, 65535), default=_PORT, show_default=True, help="0: any that is free.")
+@click.option("--port", type=Whole(0, 65535), default=_DEFAULT_PORT, show_default=True, help="0: any that is free.")
 @click.option("--tls-certificate", "certificate", type=_FILE, help="Serve by TLS, other computers, too (PEM).")
 @click.option("--tls-key", "key", type=_FILE, help="The key of the certificate (PEM).")
 @click.option("--token-file", type=_FILE, help="The token that a browser needs with --control or TLS; else a new one.")

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from ual.geometry import Vector3
 
 _EQUATOR_M = 6_378_137.0
-_E2 = 6.694379990141e-3
+_ECCENTRICITY_SQUARED = 6.694379990141e-3
 _MOST_LATITUDE_DEG = 85.0511287798
 """Latitude in degrees at which the maps of the web end."""
 
@@ -72,8 +72,8 @@ class Origin:
     def _metres_per_degree(self) -> tuple[float, float]:
         """Returns how long a degree to the north and one to the east are here."""
         latitude_rad = math.radians(self.place.latitude_deg)
-        w2 = 1.0 - _E2 * math.sin(latitude_rad) ** 2
-        north_m = _EQUATOR_M * (1.0 - _E2) / w2**1.5
+        w2 = 1.0 - _ECCENTRICITY_SQUARED * math.sin(latitude_rad) ** 2
+        north_m = _EQUATOR_M * (1.0 - _ECCENTRICITY_SQUARED) / w2**1.5
         east_m = _EQUATOR_M / math.sqrt(w2) * max(1e-6, math.cos(latitude_rad))
         return math.radians(north_m), math.radians(east_m)
 

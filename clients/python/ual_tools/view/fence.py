@@ -10,7 +10,7 @@ from ual.types import Circle, Geofence
 
 Line = tuple[Vector3, Vector3]
 
-_SIDES = 48
+_CIRCLE_SIDES = 48
 """Of a circle."""
 
 
@@ -36,7 +36,7 @@ def _closed(corners: Sequence[Vector3]) -> list[Line]:
 
 
 def _ring(circle: Circle) -> tuple[Vector3, ...]:
-    angles_rad = (math.tau * side / _SIDES for side in range(_SIDES))
+    angles_rad = (math.tau * side / _CIRCLE_SIDES for side in range(_CIRCLE_SIDES))
     return tuple(
         circle.center + Vector3(circle.radius_m * math.cos(angle), circle.radius_m * math.sin(angle), 0.0)
         for angle in angles_rad

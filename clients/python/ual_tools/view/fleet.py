@@ -31,13 +31,13 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
-RATE_HZ = 10.0
-_GONE_AFTER_S = 600.0
+TELEMETRY_RATE_HZ = 10.0
+_GONE_UAV_S = 600.0
 """A UAV whose daemon has ended stays on the page for this time: it may still be in the air."""
-_LOOK_S = 0.5
+_ROUTE_CHECK_S = 0.5
 _FENCE_S = 2.0
 _RETRY_S = 1.0
-_LOST_AFTER_S = 1.5
+_LOST_UAV_S = 1.5
 """So that the page greys a UAV within 2 s of its last sample."""
 
 
@@ -76,8 +76,8 @@ class PageFleet:
     """
 
     def __init__(self, session: CommandSession, addresses: Sequence[str], journal: Journal) -> None:
-        self.board = Board([], RATE_HZ, _GONE_AFTER_S)
-        self.board.lost_after_s = _LOST_AFTER_S
+        self.board = Board([], TELEMETRY_RATE_HZ, _GONE_UAV_S)
+        self.board.lost_after_s = _LOST_UAV_S
         self.wants_frames = False
         """Whether anybody looks at the frames."""
         self.wants_pictures = False
@@ -90,7 +90,7 @@ class PageFleet:
         self._journal = journal
         self._named = [Named(address, session, self._say) for address in addresses]
         self._members: dict[str, PageMember] = {}
-        self._roster = WatchRoster(session, self.board, RATE_HZ, self._say, self._choose, self._attend)
+        self._roster = WatchRoster(session, self.board, TELEMETRY_RATE_HZ, self._say, self._choose, self._attend)
 
     @contextmanager
     def running_on(self, network: Network) -> Iterator[None]:
@@ -132,7 +132,7 @@ class PageFleet:
     def _attend(self, ns: str, uav: Uav, is_ended: threading.Event) -> None:
         member = self._members[ns] = PageMember(uav, uav.info())
         try:
-            while not is_ended.wait(_LOOK_S):
+            while not is_ended.wait(_ROUTE_CHECK_S):
                 self._poll(ns, member)
         finally:
             if self._members.get(ns) is member:  # else it was connected to again
@@ -188,7 +188,7 @@ class PageFleet:
             return
         member.route = _answer(member.uav.route)
         # What hovers seldom begins to follow a goal that moves.
-        member.route_due_s = now_s + (_LOOK_S if _task_id(telemetry) else _FENCE_S)
+        member.route_due_s = now_s + (_ROUTE_CHECK_S if _task_id(telemetry) else _FENCE_S)
 
 
 def _task_id(telemetry: Telemetry | None) -> str:

@@ -14,7 +14,7 @@ from ual_tools.view.shown import Shown, clock_text
 from ual_tools.watch_board import WatchedUav
 
 _MOST_LINES = 200
-_LONGEST_CHARACTERS = 300
+_LONGEST_LINE_CHARACTERS = 300
 
 
 class Journal:
@@ -55,7 +55,7 @@ class Journal:
         """Writes a line about a UAV."""
         line = f"{clock_text(utc_s)} {ns}: {' '.join(text.split())}"
         with self._lock:
-            self._lines.append((ns, line[:_LONGEST_CHARACTERS]))
+            self._lines.append((ns, line[:_LONGEST_LINE_CHARACTERS]))
             self.count += 1
 
     def entries(self, ns: str = "", most: int = 12) -> list[str]:

@@ -13,9 +13,9 @@ from ual_tools.view.label_layout import Wanted, laid_out
 from ual_tools.view.scene import GROUND_LABELS, xyz
 from ual_tools.view.shown import Shown
 
-_NEAR_M = 1e-3
-_LONGEST_CHARACTERS = 48
-_MOST = 60
+_LEAST_MOVE_M = 1e-3
+_LONGEST_LABEL_CHARACTERS = 48
+_MOST_LABELS = 60
 """A page with more UAVs names the ones with trouble and those that are chosen first."""
 
 
@@ -33,7 +33,7 @@ class Labels:
         camera = camera_of(self._client)
         if camera is None:
             return
-        found = sorted(uavs, key=lambda uav: (-uav.how.level, uav.ns not in chosen))[:_MOST]
+        found = sorted(uavs, key=lambda uav: (-uav.how.level, uav.ns not in chosen))[:_MOST_LABELS]
         wanted = [_wanted(uav, self._top_m(uav.ns)) for uav in found if uav.body is not None]
         texts = {each.name: each.text for each in wanted}
         places = laid_out(wanted, camera, GROUND_LABELS)
@@ -50,7 +50,7 @@ class Labels:
         else:
             if handle.text != text:
                 handle.text = text
-            if (place - self._places[ns]).norm() > _NEAR_M:
+            if (place - self._places[ns]).norm() > _LEAST_MOVE_M:
                 handle.position = xyz(place)
             else:
                 return
@@ -75,6 +75,6 @@ def camera_of(client: viser.ClientHandle) -> PageCamera | None:
 def _wanted(uav: Shown, top_m: float) -> Wanted:
     assert uav.body is not None
     text = uav.ns if uav.how.level is Urgency.FINE else f"{uav.ns}: {uav.how.text}"
-    text = text if len(text) <= _LONGEST_CHARACTERS else f"{text[: _LONGEST_CHARACTERS - 1]}…"
+    text = text if len(text) <= _LONGEST_LABEL_CHARACTERS else f"{text[: _LONGEST_LABEL_CHARACTERS - 1]}…"
     above = uav.body.position + Vector3(0.0, 0.0, top_m)
     return Wanted(uav.ns, text, above, is_urgent=uav.how.level is not Urgency.FINE)

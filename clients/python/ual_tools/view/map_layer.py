@@ -22,12 +22,12 @@ from ual_tools.view.map_source import MapPicture, Tiles
 from ual_tools.view.scene import xyz
 from ual_tools.watch_board import Board, WatchedUav
 
-_LOOK_S = 1.0
+_POSITION_CHECK_S = 1.0
 _RETRY_S = 30.0
-_TILES_AROUND = 2
+_TILES_PER_SIDE = 2
 """Tiles to each side of the one in which the UAVs are."""
 _MOST_TILES = 100
-_BELOW_M = -0.05
+_MAP_HEIGHT_M = -0.05
 """So that the grid and what stands on the ground are above it."""
 _DIMMED = [150, 150, 150, 255]
 """The lights of the scene are bright: undimmed, a map would be nearly white."""
@@ -63,7 +63,7 @@ class MapLayer:
         is_closing, guard = threading.Event(), WorkGuard("map")
 
         def run() -> None:
-            while not is_closing.wait(_LOOK_S):
+            while not is_closing.wait(_POSITION_CHECK_S):
                 guard.contain(self.update)
 
         threading.Thread(target=run, name="ual view map", daemon=True).start()
@@ -83,7 +83,7 @@ class MapLayer:
         if isinstance(self._source, MapPicture):
             self._draw(self._source, self._origin)
             return
-        wanted = tiles_around(self._origin.position_at(middle), self._source.zoom, _TILES_AROUND)
+        wanted = tiles_around(self._origin.position_at(middle), self._source.zoom, _TILES_PER_SIDE)
         for tile in wanted:
             self._draw(tile, self._origin)
         self._tidy(wanted)
@@ -99,7 +99,7 @@ class MapLayer:
             return
         corners = part.corners() if isinstance(part, Tile) else part.corners
         self._count += 1
-        mesh = quad([origin.in_map(corner, _BELOW_M) for corner in corners], image)
+        mesh = quad([origin.in_map(corner, _MAP_HEIGHT_M) for corner in corners], image)
         self._drawn[part] = self._scene.add_mesh_trimesh(
             f"/map/{self._count}", mesh, cast_shadow=False, receive_shadow=False
         )

@@ -17,7 +17,7 @@ from ual_tools.view.earth import EarthPosition, Tile
 
 ZOOM, MOST_ZOOM = 17, 22
 _LARGEST_TILE_BYTES = 8 << 20
-_TIMEOUT_S = 10.0
+_TILE_TIMEOUT_S = 10.0
 _PARTS = ("{z}", "{x}", "{y}")
 _SCHEMES = ("http", "https", "file")
 
@@ -48,7 +48,7 @@ class Tiles:
         if not where.startswith(("http://", "https://")):
             return Path(where.removeprefix("file://")).read_bytes()
         request = urllib.request.Request(where, headers={"User-Agent": "ual view"})  # noqa: S310 (http or https)
-        with urllib.request.urlopen(request, timeout=_TIMEOUT_S) as answer:  # noqa: S310 (the same)
+        with urllib.request.urlopen(request, timeout=_TILE_TIMEOUT_S) as answer:  # noqa: S310 (the same)
             data: bytes = answer.read(_LARGEST_TILE_BYTES + 1)
         if len(data) > _LARGEST_TILE_BYTES:
             raise OSError(f"larger than {_LARGEST_TILE_BYTES} bytes")

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-_SIDES = 8
+_CYLINDER_SIDES = 8
 _BOX_FACES = [(0, 2, 1), (0, 3, 2), (4, 5, 6), (4, 6, 7), (0, 1, 5), (0, 5, 4)]
 _BOX_FACES += [(1, 2, 6), (1, 6, 5), (2, 3, 7), (2, 7, 6), (3, 0, 4), (3, 4, 7)]
 
@@ -55,13 +55,13 @@ def bar(start: Sequence[float], end: Sequence[float], width: float) -> Mesh:
 
 def cylinder(radius: float, height: float) -> Mesh:
     """Returns an upright cylinder around the origin."""
-    angles = np.linspace(0.0, math.tau, _SIDES, endpoint=False)
+    angles = np.linspace(0.0, math.tau, _CYLINDER_SIDES, endpoint=False)
     ring = np.stack([radius * np.cos(angles), radius * np.sin(angles)], axis=1)
-    low, high = (np.column_stack([ring, np.full(_SIDES, z)]) for z in (-height / 2, height / 2))
+    low, high = (np.column_stack([ring, np.full(_CYLINDER_SIDES, z)]) for z in (-height / 2, height / 2))
     middle = np.array([(0.0, 0.0, -height / 2), (0.0, 0.0, height / 2)])
     faces = []
-    for i in range(_SIDES):
-        j = (i + 1) % _SIDES
-        faces += [(i, j, _SIDES + j), (i, _SIDES + j, _SIDES + i)]
-        faces += [(2 * _SIDES, j, i), (2 * _SIDES + 1, _SIDES + i, _SIDES + j)]
+    for i in range(_CYLINDER_SIDES):
+        j = (i + 1) % _CYLINDER_SIDES
+        faces += [(i, j, _CYLINDER_SIDES + j), (i, _CYLINDER_SIDES + j, _CYLINDER_SIDES + i)]
+        faces += [(2 * _CYLINDER_SIDES, j, i), (2 * _CYLINDER_SIDES + 1, _CYLINDER_SIDES + i, _CYLINDER_SIDES + j)]
     return Mesh(np.concatenate([low, high, middle]).astype(np.float32), np.array(faces, np.uint32))

@@ -13,7 +13,7 @@ from ual.types import State
 from ual_tools.output import plan_text, vector_text
 from ual_tools.view.fleet import PageMember
 
-_FARTHEST_M = 5_000.0
+_FARTHEST_GOAL_M = 5_000.0
 _HOLDER = "ual view"
 
 
@@ -100,6 +100,6 @@ def on_ground(origin: Sequence[float], direction: Sequence[float], ground_m: flo
     if abs(along.z) < 1e-6:
         return None
     step = (ground_m - start.z) / along.z
-    if not 0.0 < step * along.norm() < _FARTHEST_M:
+    if not 0.0 < step * along.norm() < _FARTHEST_GOAL_M:
         return None
     return start + along * step

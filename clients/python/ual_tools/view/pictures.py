@@ -26,7 +26,7 @@ _FRUSTUM_M = 1.0
 """Distance in metres of the drawn picture from its camera."""
 _VIEW_RAD, _ASPECT = 1.0, 4.0 / 3.0
 """Of a camera that does not say how it sees."""
-_WIDEST_PX = 320
+_THUMBNAIL_PX = 320
 """Pictures are made smaller for the page."""
 
 
@@ -115,5 +115,5 @@ def _pixels(image: Image) -> NDArray[np.uint8] | None:
     except Exception as error:  # noqa: BLE001  whatever Pillow's decoders raise of the bytes of a camera
         _log.warning("a picture that cannot be read is not drawn: %s", error)
         return None
-    small.thumbnail((_WIDEST_PX, _WIDEST_PX))
+    small.thumbnail((_THUMBNAIL_PX, _THUMBNAIL_PX))
     return np.asarray(small)

@@ -27,7 +27,7 @@ _TURN_RAD = 1.1
 _NEAR_M, _NEAR_ROTATION = 1e-3, 1e-3
 _ALL_PIECES, _FEWEST_PIECES = 600, 20
 """Of the trails of all UAVs, and of each one: a browser without a graphics card draws no more at 10 frames a second."""
-_TRAIL_EVERY = 5
+_PICTURES_PER_TRAIL = 5
 """The trail is sent with each fifth picture: it is long, and two of them a second are enough."""
 
 Points = NDArray[np.float32]
@@ -198,7 +198,7 @@ class Marks:
     def update(self, uav: Shown, trail: list[Line], way: Sequence[Vector3], most: int) -> None:
         """Draws them as they are now: at most so many pieces of the way, those ahead of it."""
         self._count += 1
-        if self._count % _TRAIL_EVERY:
+        if self._count % _PICTURES_PER_TRAIL:
             return
         self._trail.draw(trail)
         self._way.draw(list(pairwise(_ahead(way, uav.body, most))))

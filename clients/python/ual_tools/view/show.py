@@ -17,7 +17,7 @@ from ual_tools.session import CommandSession
 from ual_tools.view.access import PageAccess
 from ual_tools.view.command_queue import CommandQueue
 from ual_tools.view.fences import Fences
-from ual_tools.view.fleet import RATE_HZ, PageFleet
+from ual_tools.view.fleet import TELEMETRY_RATE_HZ, PageFleet
 from ual_tools.view.gimbals import PageGimbals
 from ual_tools.view.journal import Journal
 from ual_tools.view.map_source import MapPicture, Tiles
@@ -32,9 +32,9 @@ from ual_tools.view.shown import MODEL_NAMES
 
 _log = logging.getLogger(__name__)
 
-_PERIOD_S = 1.0 / RATE_HZ
+_PICTURE_PERIOD_S = 1.0 / TELEMETRY_RATE_HZ
 _PANEL_WIDTH_PX = 420.0
-_PANEL_EVERY = 3
+_PICTURES_PER_PANEL = 3
 """The panels are written with each third picture: nobody reads faster."""
 
 
@@ -119,8 +119,8 @@ class Viewer:
         """Draws until Ctrl-C."""
         due_s = time.monotonic()
         for number in count():
-            self._try_to_draw(with_panels=number % _PANEL_EVERY == 0)
-            due_s = max(due_s + _PERIOD_S, time.monotonic())
+            self._try_to_draw(with_panels=number % _PICTURES_PER_PANEL == 0)
+            due_s = max(due_s + _PICTURE_PERIOD_S, time.monotonic())
             time.sleep(max(0.0, due_s - time.monotonic()))
 
     def _try_to_draw(self, *, with_panels: bool) -> None:

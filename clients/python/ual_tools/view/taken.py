@@ -13,8 +13,8 @@ from ual.shared.new_photos import NewPhotos
 
 MOST_PLACES = 300
 """Of one UAV: older ones are not drawn any more."""
-_LOOK_S = 1.0
-_MOST_LATE = 3
+_PHOTOS_CHECK_S = 1.0
+_MOST_LATE_PHOTOS = 3
 
 
 class NewestPicture(NamedTuple):
@@ -50,7 +50,7 @@ class Taken:
         """
         if not self._has_cameras or now_s < self._due_s:
             return
-        self._due_s = now_s + _LOOK_S
+        self._due_s = now_s + _PHOTOS_CHECK_S
         try:
             found = cameras.get_all()
         except NotSupportedError:  # by this backend: so it stays
@@ -81,7 +81,7 @@ class Taken:
                 raise
             except UalTimeoutError:  # a busy computer, or a bad link
                 self._late_count += 1
-                if self._late_count < _MOST_LATE:
+                if self._late_count < _MOST_LATE_PHOTOS:
                     self._asked_for = None
                 raise
             self._late_count = 0

@@ -14,7 +14,7 @@ _CHART_PERIOD_S = 0.2
 _TRAIL_STEP_M = 0.2
 _MOST_PIECES = 100
 _LONGEST_PIECE_M = 10.0
-_STRAIGHT = math.cos(math.radians(5.0))
+_STRAIGHT_COSINE = math.cos(math.radians(5.0))
 """A step that turns by less goes on with the piece before: a browser draws few pieces faster."""
 _JUMP_M = 20.0
 """Between two samples; a UAV that is farther away was set again, and no line joins the two."""
@@ -80,7 +80,7 @@ class Track:
         if not self._pieces or self._pieces[-1][1] != last:
             return False
         piece, step = last - self._pieces[-1][0], here - last
-        is_straight = piece.dot(step) > _STRAIGHT * piece.norm() * step.norm()
+        is_straight = piece.dot(step) > _STRAIGHT_COSINE * piece.norm() * step.norm()
         return is_straight and piece.norm() < _LONGEST_PIECE_M
 
 

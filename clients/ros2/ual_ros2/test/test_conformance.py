@@ -14,7 +14,7 @@ from ros_uav import RosUav
 import ual
 from ual import conformance
 from ual.conformance import CannotRunError, Check, CheckFailedError, Flight, Tolerances
-from ual.conformance.runner import LONGEST_GAP_S
+from ual.conformance.runner import LONGEST_TELEMETRY_GAP_S
 
 SPEED_FACTOR = 3.0
 ATTEMPTS = 5
@@ -65,7 +65,7 @@ def run_check(flight: Flight, check: Check) -> None:
         try:
             return conformance.run_check(flight, check)
         except (CheckFailedError, ual.UalError):
-            if flight.longest_silence_s <= LONGEST_GAP_S:
+            if flight.longest_silence_s <= LONGEST_TELEMETRY_GAP_S:
                 raise
     return conformance.run_check(flight, check)
 

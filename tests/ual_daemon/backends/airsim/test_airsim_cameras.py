@@ -26,7 +26,7 @@ from ual_daemon.backends.airsim.cameras import AirsimCamera, AirsimCameras
 from ual_daemon.backends.airsim.fetching import Fetched
 from ual_daemon.backends.airsim.pictures import AirsimPicture, CameraProjection, CameraState, data_of, intrinsics_of
 from ual_daemon.backends.airsim.state import Rotation, Vector
-from ual_daemon.backends.airsim.trail import LONGEST_GAP_S, Trail
+from ual_daemon.backends.airsim.trail import LONGEST_POSE_GAP_S, Trail
 from ual_daemon.backends.offers.cameras import CameraDrivers
 
 BOTTOM, BACK = OF_EACH_MULTIROTOR.index("bottom_center"), OF_EACH_MULTIROTOR.index("back_center")
@@ -351,10 +351,10 @@ def test_where_it_was_is_between_two_reports_and_not_known_in_a_gap() -> None:
     assert beyond is not None
     assert beyond.position.x == pytest.approx(2.0)
     assert math.cos(beyond.yaw_rad - (-3.0 + 2.0 * math.pi - 6.0)) == pytest.approx(1.0, abs=1e-3)
-    assert trail.at(1.2 + LONGEST_GAP_S) is None
+    assert trail.at(1.2 + LONGEST_POSE_GAP_S) is None
     trail.add(2.0, Pose.at(2.0, 0.0, 1.0, 0.0))
     assert trail.at(1.5) is None
-    assert trail.at(2.0 + LONGEST_GAP_S / 2.0) == Pose.at(2.0, 0.0, 1.0, 0.0)  # how fast it is, is not known
+    assert trail.at(2.0 + LONGEST_POSE_GAP_S / 2.0) == Pose.at(2.0, 0.0, 1.0, 0.0)  # how fast it is, is not known
     trail.add(0.5, Pose.at(9.0, 0.0, 1.0, 0.0))  # another simulator
     assert trail.at(1.0) is None
     assert trail.at(0.5) == Pose.at(9.0, 0.0, 1.0, 0.0)

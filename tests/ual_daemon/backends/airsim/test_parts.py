@@ -18,7 +18,7 @@ from ual_daemon.backends.airsim.pilot import Hands, RcSticks
 from ual_daemon.backends.airsim.setpoints import led, move_arguments
 from ual_daemon.backends.airsim.settings import AirsimAddress, parse_address
 from ual_daemon.backends.airsim.state import Rotation, Vector
-from ual_daemon.backends.engine.limits import SILENT_S
+from ual_daemon.backends.engine.limits import BLIND_SILENCE_S
 from ual_daemon.backends.values import VelocitySetpoint
 from ual_daemon.settings import ConfigError
 
@@ -92,9 +92,9 @@ def test_the_clock_is_the_simulators(wall: Wall) -> None:
 
 def test_the_clock_goes_on_while_the_simulator_is_silent(wall: Wall) -> None:
     began_s = wall.clock.advance(5000.0)
-    wall.now_s += SILENT_S + 0.01
-    assert wall.clock.now_s() - began_s == pytest.approx(SILENT_S + 0.01)
-    wall.now_s += 3.0 - SILENT_S - 0.01
+    wall.now_s += BLIND_SILENCE_S + 0.01
+    assert wall.clock.now_s() - began_s == pytest.approx(BLIND_SILENCE_S + 0.01)
+    wall.now_s += 3.0 - BLIND_SILENCE_S - 0.01
     assert wall.clock.now_s() - began_s == pytest.approx(3.0)
     assert wall.clock.advance(5000.1) - began_s == pytest.approx(3.0)  # it never goes back
     assert wall.clock.advance(5000.2) - began_s == pytest.approx(3.1)

@@ -28,7 +28,7 @@ from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.crazyflie.packets import PARAMETER, READ_CHANNEL, WRITE_CHANNEL, CrtpPacket
 from ual_daemon.backends.crazyflie.parameter_exchanges import (
     LIMIT_S,
-    MOST_WAITING,
+    MOST_WAITING_EXCHANGES,
     REQUESTS_AT_ONCE,
     ParameterExchanges,
 )
@@ -196,7 +196,7 @@ def test_a_defect_of_one_exchange_ends_that_one_only() -> None:
 
 def test_there_are_limits() -> None:
     bench = Bench()
-    futures = [Future[Parameter]() for _ in range(MOST_WAITING + 1)]
+    futures = [Future[Parameter]() for _ in range(MOST_WAITING_EXCHANGES + 1)]
     for each in futures:
         bench.exchanges.read("a.p1", each)
     assert isinstance(error_of(futures[-1]), ResourceExhaustedError)

@@ -10,7 +10,7 @@ from tests.simulators.crazyflie import REST_Z_M, Supervisor
 from tests.ual_daemon.backends.crazyflie.simulated_crazyflie import SimulatedCrazyflie
 from ual.geometry import Pose, Vector3
 from ual.types import LandRequest, State, TakeOffRequest
-from ual_daemon.backends.crazyflie.ground import DEEPER_M, KnownGround
+from ual_daemon.backends.crazyflie.ground import LANDING_DEPTH_M, KnownGround
 from ual_daemon.backends.values import Control, ExternalPose
 
 
@@ -65,13 +65,13 @@ def test_a_source_that_moves_slowly_makes_the_ground_unknown(tmp_path: Path) -> 
     assert flown.session.telemetry.ground.landing_z_m(here) == pytest.approx(REST_Z_M, abs=0.01)
     flown.backend.set_external_pose(ExternalPose(Pose(here), flown.now_s, 0.0, resets_count=1))
     flown.run(0.1)
-    assert flown.session.telemetry.ground.landing_z_m(here) == pytest.approx(REST_Z_M - DEEPER_M, abs=0.01)
+    assert flown.session.telemetry.ground.landing_z_m(here) == pytest.approx(REST_Z_M - LANDING_DEPTH_M, abs=0.01)
 
 
 def test_the_ground_is_at_its_lowest_after_jumps_until_it_stands_again() -> None:
     here = Vector3(2.0, 0.0, 1.0)
     ground = KnownGround.standing_at(here).jumped(Vector3(0.0, 0.0, -2.0)).jumped(Vector3(0.0, 0.0, 2.0))
-    assert ground.landing_z_m(here) == -1.0 - DEEPER_M
+    assert ground.landing_z_m(here) == -1.0 - LANDING_DEPTH_M
     assert KnownGround.standing_at(here).landing_z_m(here) == 1.0
 
 

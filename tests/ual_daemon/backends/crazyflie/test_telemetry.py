@@ -8,7 +8,7 @@ import pytest
 
 from ual_daemon.backends.crazyflie.commander import MODES, Phase
 from ual_daemon.backends.crazyflie.supervisor import SupervisorFlags
-from ual_daemon.backends.crazyflie.telemetry import REST_S, CrazyflieTelemetry
+from ual_daemon.backends.crazyflie.telemetry import REST_TIME_S, CrazyflieTelemetry
 from ual_daemon.backends.values import NEVER_S, Estimator, LandedState
 
 
@@ -70,7 +70,7 @@ def test_what_is_lifted_by_a_hand_after_its_landing_is_on_the_ground_until_its_m
     moved(telemetry, 1.0, 38800, -0.3)
     moved(telemetry, 1.1, 0, 0.0)
     assert landed_of(telemetry) is LandedState.IN_AIR
-    moved(telemetry, 1.1 + REST_S, 0, 0.0)
+    moved(telemetry, 1.1 + REST_TIME_S, 0, 0.0)
     assert landed_of(telemetry) is LandedState.ON_GROUND
     moved(telemetry, 1.6, 0, 0.5)
     assert landed_of(telemetry) is LandedState.ON_GROUND

@@ -167,7 +167,7 @@ def test_a_camera_that_does_not_answer_is_not_waited_for(uav: UAL, backend: Lock
 
 def test_one_that_answers_late_is_no_second_picture(uav: UAL, backend: LockstepDji, camera: Camera) -> None:
     with backend.lock:
-        backend.bridge.faults.slow_services["/psdk_ros2/camera_shoot_single_photo"] = cameras.CALL_S + 1.0
+        backend.bridge.faults.slow_services["/psdk_ros2/camera_shoot_single_photo"] = cameras.CALL_TIMEOUT_S + 1.0
     with pytest.raises(UalTimeoutError):
         uav.cameras[0].take_photo()
     with backend.lock:
@@ -182,7 +182,7 @@ def test_one_that_answers_late_is_no_second_picture(uav: UAL, backend: LockstepD
 def test_a_camera_that_hangs_delays_no_flight(uav: UAL, backend: LockstepDji) -> None:
     with backend.lock:
         backend.bridge.faults.dead_services.add("/psdk_ros2/camera_get_type")
-    wait(backend, cameras.SEEN_S)
+    wait(backend, cameras.CAMERA_CHECK_PERIOD_S)
     fly(uav)  # what waited behind the camera would not be called any more after its own 3 s
 
 

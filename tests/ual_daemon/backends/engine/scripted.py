@@ -24,7 +24,7 @@ from ual_daemon.backends.engine.command import (
 )
 from ual_daemon.backends.engine.command_entrance import CommandEntrance
 from ual_daemon.backends.engine.command_runner import CommandRunner
-from ual_daemon.backends.engine.limits import CATCH_UP_S, OWN_MODE_S, SETPOINTS_WAIT_S, SILENT_S
+from ual_daemon.backends.engine.limits import BLIND_SILENCE_S, CATCH_UP_S, OWN_MODE_S, SETPOINTS_WAIT_S
 from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.engine.loop import Loop
 from ual_daemon.backends.engine.readings import Reading, Readings, Valid
@@ -153,7 +153,7 @@ class Judge:
     def believable_since_s(self) -> float:
         """From when on something said may be relied on: after the last silence, blindness or pause."""
         heard = [-math.inf, *self.heard_s]
-        gaps = [later for earlier, later in itertools.pairwise(heard) if later - earlier > SILENT_S]
+        gaps = [later for earlier, later in itertools.pairwise(heard) if later - earlier > BLIND_SILENCE_S]
         return max([*gaps[-1:], self.blind_until_s, self.discarded_s])
 
     def on_sent(self, request: str, key: Hashable, now_s: float) -> Order:
@@ -164,7 +164,7 @@ class Judge:
             "ended before": order.result.done(),
             "replaced, or of another boot": order.is_over,
             "over a mode that others chose": order.is_overtaken,
-            "into a silence": not self.heard_s or now_s - self.heard_s[-1] > SILENT_S + TINY,
+            "into a silence": not self.heard_s or now_s - self.heard_s[-1] > BLIND_SILENCE_S + TINY,
             "while blind": now_s < self.blind_until_s - TINY,
             "executed late": self.is_held_up,
             "before what it changes was heard": self._knows_nothing(order),
@@ -320,7 +320,7 @@ class Scripted:
             self.clock.now += ROUND_S
             self._say()
         now_s = self.clock.now
-        if duration_s > SILENT_S + TINY:
+        if duration_s > BLIND_SILENCE_S + TINY:
             self.judge.blind_until_s = now_s + CATCH_UP_S
         self.round()
 

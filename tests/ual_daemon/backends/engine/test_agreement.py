@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from ual_daemon.backends.engine.agreement import LAPSE_S, SETTLED_S, Agreement, AirborneWatch
+from ual_daemon.backends.engine.agreement import FIRST_VERDICT_S, SAMPLE_LAPSE_S, Agreement, AirborneWatch
 from ual_daemon.backends.values import LandedState, Sample
 
 
@@ -27,7 +27,7 @@ def test_samples_in_a_row_that_last_make_a_verdict() -> None:
         [("b", 1.0), ("b", 1.01), ("b", 1.02), ("b", 1.03)],  # a burst
         [("b", 1.0), ("a", 1.1), ("b", 1.5), ("a", 1.6), ("b", 2.0), ("a", 2.1), ("b", 2.5)],  # contradicted
         [("b", 1.0), ("c", 1.5), ("b", 2.0), ("c", 2.5), ("b", 3.0)],  # they do not agree
-        [("b", 1.0), ("b", 1.0 + LAPSE_S + 0.1), ("b", 1.2 + 2 * LAPSE_S)],  # too far apart
+        [("b", 1.0), ("b", 1.0 + SAMPLE_LAPSE_S + 0.1), ("b", 1.2 + 2 * SAMPLE_LAPSE_S)],  # too far apart
     ],
 )
 def test_other_samples_make_none(samples: list[tuple[str, float]]) -> None:
@@ -50,8 +50,8 @@ def test_what_is_pending_is_forgotten_with_its_samples(end: str) -> None:
     noted(agreement, ("a", 0.0), ("b", 1.0), ("b", 1.5), ("b", 2.0), is_flying=True)
     if end == "a contradiction":
         agreement.note("a", 2.1, is_flying=True)
-    agreement.tick(2.1 + LAPSE_S, is_flying=True)
-    assert not agreement.tick(2.2 + LAPSE_S, is_flying=False)
+    agreement.tick(2.1 + SAMPLE_LAPSE_S, is_flying=True)
+    assert not agreement.tick(2.2 + SAMPLE_LAPSE_S, is_flying=False)
     assert (agreement.value, agreement.pending) == ("a", None)
 
 
@@ -59,7 +59,7 @@ def test_a_first_verdict_counts_in_flight_and_a_late_one_does_not() -> None:
     assert noted(Agreement("a"), ("b", 0.0), ("b", 0.5), ("b", 1.0), is_flying=True)[-1] == "b"
     late = Agreement("a")
     late.tick(0.0, is_flying=True)
-    since_s = SETTLED_S + 0.1
+    since_s = FIRST_VERDICT_S + 0.1
     assert noted(late, *(("b", since_s + after_s) for after_s in (0.0, 0.5, 1.0)), is_flying=True)[-1] == "a"
 
 

@@ -18,7 +18,7 @@ from tests.ual_daemon.backends.engine.scripted import (
 from ual.errors import LinkLostError, RejectedByAutopilotError, UalTimeoutError
 from ual_daemon.backends.engine.command import FLYING, ONCE, Command, Verdict
 from ual_daemon.backends.engine.command_runner import EFFECT_S, MOST_TEXTS, CommandRunner, RunnerSettings
-from ual_daemon.backends.engine.limits import SETPOINTS_WAIT_S, UNSENT_S
+from ual_daemon.backends.engine.limits import SETPOINTS_WAIT_S, UNSENT_COMMAND_S
 from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.values import Control, LandedState, Mode, OnArming, Sample, Snapshot
 
@@ -105,7 +105,7 @@ def test_a_command_waits_for_the_end_of_a_silence_and_says_in_the_end_what_kept_
     assert plain.sent == ["mode hold"]
     plain.run(0.5, mode="")
     unsent = plain.runner.submit(mode_command("land"), plain.now_s)
-    plain.run(UNSENT_S + 0.1, mode="")
+    plain.run(UNSENT_COMMAND_S + 0.1, mode="")
     assert isinstance(unsent.exception(0), UalTimeoutError)
     assert "the command to enter land was not sent: nothing was heard of the autopilot for 5." in str(
         unsent.exception(0)
@@ -170,7 +170,7 @@ def test_through_a_bridge_it_is_queried_again_only_where_the_autopilot_shows_tha
 def test_a_bridge_that_does_not_answer_is_named_and_one_that_has_is_explained_by_texts() -> None:
     plain = Plain(RunnerSettings(bridge="the bridge"))
     future = plain.runner.submit(mode_command("hold", BRIDGED), plain.now_s)
-    plain.run(UNSENT_S + 0.1)
+    plain.run(UNSENT_COMMAND_S + 0.1)
     assert str(future.exception(0)) == (
         "the bridge has not answered the command to enter hold, which may still be executed"
     )
@@ -456,7 +456,7 @@ def test_a_command_that_our_thread_had_no_time_for_is_not_sent_late() -> None:
     scripted = Scripted()
     scripted.wait(0.2)
     order = scripted.ask("hold")
-    scripted.pause(UNSENT_S + 0.5)
+    scripted.pause(UNSENT_COMMAND_S + 0.5)
     scripted.wait(3.0)
     assert scripted.requests == []
     assert "this computer had no time for it" in str(order.result.exception(0))

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from ual_daemon.backends.engine.limits import ANEW_S, SILENT_S
-from ual_daemon.backends.engine.link_watch import STALE_S, LinkWatch, LinkWatchState
+from ual_daemon.backends.engine.limits import BLIND_SILENCE_S, RESTART_SILENCE_S
+from ual_daemon.backends.engine.link_watch import STALE_LINK_S, LinkWatch, LinkWatchState
 from ual_daemon.backends.values import LinkReport
 
 
@@ -35,9 +35,9 @@ def test_the_link_goes_from_connecting_to_connected_to_stale_to_lost_and_back(re
     assert state(watch) is LinkWatchState.CONNECTING
     assert not watch.is_up(100.0)
     watch.on_message(100.0)
-    watch.tick(100.0 + STALE_S - 0.05)
+    watch.tick(100.0 + STALE_LINK_S - 0.05)
     assert state(watch) is LinkWatchState.CONNECTED
-    watch.tick(100.0 + STALE_S + 0.05)
+    watch.tick(100.0 + STALE_LINK_S + 0.05)
     assert state(watch) is LinkWatchState.STALE
     assert watch.is_up(101.0)
     watch.tick(101.05)
@@ -62,7 +62,7 @@ def test_each_change_is_logged_once(reported: ReportedSample, caplog: pytest.Log
 
 def test_a_silence_discards_and_a_longer_one_has_everything_requested_anew(reported: ReportedSample) -> None:
     now_s = 0.0
-    for silence_s in (0.0, SILENT_S, 0.9, 1.1, ANEW_S + 0.1):
+    for silence_s in (0.0, BLIND_SILENCE_S, 0.9, 1.1, RESTART_SILENCE_S + 0.1):
         now_s += silence_s
         reported.watch.on_message(now_s)
     assert reported.events == ["lost", "lost", "anew"]
@@ -72,9 +72,9 @@ def test_what_was_reported_before_a_silence_or_a_time_of_not_looking_is_not_reli
     watch = reported.watch
     assert watch.why_silent(0.0) == "nothing was heard of the autopilot yet"
     watch.on_message(0.0)
-    watch.on_message(SILENT_S)
+    watch.on_message(BLIND_SILENCE_S)
     assert watch.spoken_s == 0.0
-    assert watch.why_silent(SILENT_S) == ""
+    assert watch.why_silent(BLIND_SILENCE_S) == ""
     assert watch.why_silent(0.8) == "nothing was heard of the autopilot for 0.6 s"
     watch.on_message(0.8)
     assert watch.spoken_s == 0.8

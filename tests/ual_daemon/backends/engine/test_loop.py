@@ -10,7 +10,7 @@ import pytest
 from tests.ual_daemon.backends.engine.scripted import Clock, Scripted
 from ual.errors import InvalidArgumentError, LinkLostError
 from ual_daemon.backends import futures
-from ual_daemon.backends.engine.limits import CATCH_UP_S, PAUSE_S, SHOWN_S, SILENT_S
+from ual_daemon.backends.engine.limits import BLIND_SILENCE_S, CATCH_UP_S, PAUSE_GRACE_S, READER_PAUSE_S
 from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.engine.loop import FAST_TICK_S, TICK_S, Loop, LoopThread
 from ual_daemon.backends.values import Snapshot
@@ -132,7 +132,7 @@ def test_what_is_retried_waits_for_the_next_tick(setup: Setup) -> None:
 def test_after_a_moment_of_not_looking_nothing_counts_as_read_until_what_waited_was_read(setup: Setup) -> None:
     setup.round(0.05)
     read_s = setup.clock.now
-    assert setup.round(SILENT_S + 0.01) == 0.0
+    assert setup.round(BLIND_SILENCE_S + 0.01) == 0.0
     assert setup.loop.looked_s == setup.updates[-1].updated_s == read_s
     assert setup.watch.spoken_s == pytest.approx(setup.clock.now + CATCH_UP_S)
     setup.round(0.06)
@@ -143,10 +143,10 @@ def test_after_a_moment_of_not_looking_nothing_counts_as_read_until_what_waited_
 
 
 def test_a_pause_discards_and_is_reported_for_a_while(setup: Setup) -> None:
-    assert setup.round(PAUSE_S + 0.5) == pytest.approx(PAUSE_S + 0.5)
-    assert setup.vehicle.pauses_s == [pytest.approx(PAUSE_S + 0.5)]
+    assert setup.round(READER_PAUSE_S + 0.5) == pytest.approx(READER_PAUSE_S + 0.5)
+    assert setup.vehicle.pauses_s == [pytest.approx(READER_PAUSE_S + 0.5)]
     assert setup.updates[-1].scheduling_gap == "this computer did not run UAL for 1.5 s"
-    for _ in range(round(SHOWN_S / 0.05) + 3):
+    for _ in range(round(PAUSE_GRACE_S / 0.05) + 3):
         setup.round(0.05)
     assert setup.updates[-1].scheduling_gap == ""
 
@@ -235,7 +235,7 @@ def test_what_is_posted_in_an_update_that_takes_long_waits_until_what_came_meanw
     def take_long(snapshot: Snapshot) -> None:
         updates.append(snapshot)
         if len(updates) == 1:
-            clock.now += 2.0 * SILENT_S
+            clock.now += 2.0 * BLIND_SILENCE_S
             loop.post(done.append)
 
     loop = Loop(Vehicle(), clock, watch, take_long)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from ual_daemon.backends.engine import contained, readings
 from ual_daemon.backends.engine.contained import ErrorBarrier
-from ual_daemon.backends.engine.readings import OLDEST_S, Reading, Readings, Valid
+from ual_daemon.backends.engine.readings import LONGEST_REORDERING_S, Reading, Readings, Valid
 from ual_daemon.backends.values import NEVER_S, LandedState, Sample
 
 
@@ -32,7 +32,7 @@ def test_a_late_message_is_ignored_unless_its_order_must_be_wrong() -> None:
     readings.order = 5
     assert not mode.on_value("manual", 1.1)
     assert mode.value == "hold"
-    assert mode.on_value("manual", 1.1 + OLDEST_S)
+    assert mode.on_value("manual", 1.1 + LONGEST_REORDERING_S)
 
 
 @given(st.lists(st.integers(0, 30), min_size=1, max_size=30))

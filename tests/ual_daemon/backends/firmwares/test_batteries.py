@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from ual.types import Battery
-from ual_daemon.backends.firmwares.batteries import LASTS_S, MOST, Batteries
+from ual_daemon.backends.firmwares.batteries import BATTERY_SILENCE_S, MOST_BATTERIES, Batteries
 
 
 def reported(*batteries: Battery) -> Batteries:
@@ -41,11 +41,11 @@ def test_they_stand_in_the_order_of_their_ids_with_the_newest_word() -> None:
 
 def test_one_that_is_not_reported_any_more_is_gone() -> None:
     found = reported(Battery(10.0, id=1))
-    found.on_battery(Battery(90.0), LASTS_S + 0.1)
+    found.on_battery(Battery(90.0), BATTERY_SILENCE_S + 0.1)
     assert found.all == (Battery(90.0),)
     assert not found.are_several
 
 
 def test_no_more_are_kept_than_a_vehicle_can_have() -> None:
-    found = reported(*(Battery(50.0, id=i) for i in range(MOST + 1)))
-    assert len(found.all) == MOST
+    found = reported(*(Battery(50.0, id=i) for i in range(MOST_BATTERIES + 1)))
+    assert len(found.all) == MOST_BATTERIES

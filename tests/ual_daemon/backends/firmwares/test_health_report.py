@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ual_daemon.backends.firmwares.health_report import READY_S, TEXTS_S, HealthReport
+from ual_daemon.backends.firmwares.health_report import READY_TEXT_S, TEXTS_S, HealthReport
 
 
 def failing(health: HealthReport, now_s: float, *, is_ready: bool) -> tuple[str, ...]:
@@ -22,5 +22,5 @@ def test_a_check_that_fails_is_reported_before_its_status_comes() -> None:
 def test_a_check_that_passes_again_is_over() -> None:
     health = HealthReport()
     health.on_text("PreArm: Battery 1 low voltage failsafe", 10.0)
-    assert failing(health, 10.0 + READY_S + 0.1, is_ready=True) == ()
-    assert failing(health, 10.0 + READY_S + 0.2, is_ready=False) == ()
+    assert failing(health, 10.0 + READY_TEXT_S + 0.1, is_ready=True) == ()
+    assert failing(health, 10.0 + READY_TEXT_S + 0.2, is_ready=False) == ()

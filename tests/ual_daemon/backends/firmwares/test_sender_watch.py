@@ -9,7 +9,7 @@ import pytest
 from ual.geometry import Vector3
 from ual_daemon.backends.firmwares.ardupilot import ArduCopter
 from ual_daemon.backends.firmwares.px4 import Px4
-from ual_daemon.backends.firmwares.sender_watch import QUIET_S, SenderWatch
+from ual_daemon.backends.firmwares.sender_watch import OWN_SILENCE_S, SenderWatch
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.values import LandedState, PositionSetpoint, Sample, Setpoint, VelocitySetpoint
 
@@ -35,7 +35,7 @@ def test_an_autopilot_that_is_not_received_shows_no_other_sender() -> None:
 
 
 def test_an_autopilot_that_stays_in_its_mode_without_our_setpoints_gets_those_of_others() -> None:
-    assert another(now_s=1.2 + QUIET_S, said_s=1.1 + QUIET_S).startswith("another program sends setpoints")
+    assert another(now_s=1.2 + OWN_SILENCE_S, said_s=1.1 + OWN_SILENCE_S).startswith("another program sends setpoints")
 
 
 def repeated(goes_on_s: float, target_m: float) -> str:
@@ -66,7 +66,7 @@ def test_our_own_setpoints_that_a_link_tells_late_are_nobody_elses() -> None:
 
 
 def test_another_sender_is_named_once_what_a_silence_left_behind_is_past() -> None:
-    assert repeated(goes_on_s=QUIET_S + 2.0, target_m=60.0).startswith("another program sends setpoints")
+    assert repeated(goes_on_s=OWN_SILENCE_S + 2.0, target_m=60.0).startswith("another program sends setpoints")
 
 
 def test_a_mode_that_a_link_tells_late_is_nobody_elses_either() -> None:
@@ -128,7 +128,7 @@ def test_a_target_that_is_none_of_ours_is_anothers(ours: Setpoint, theirs: Setpo
     flown = Streamed()
     assert flown.fly(5.0, ours, ours) == ""
     assert flown.fly(0.2, ours, theirs).startswith("another program sends setpoints")
-    assert flown.fly(QUIET_S + 0.5, ours, ours) == ""
+    assert flown.fly(OWN_SILENCE_S + 0.5, ours, ours) == ""
 
 
 def test_a_target_of_a_pilot_who_took_over_unheard_is_no_senders() -> None:

@@ -303,7 +303,7 @@ def test_only_so_many_pictures_wait_and_closing_ends_them(monkeypatch: pytest.Mo
     monkeypatch.setattr(Painter, "paint", paint)
     drone = Drone(cameras=[small()])
     found = camera_of(drone)
-    waiting = [found.image(None) for _ in range(camera.MOST_WAITING)]
+    waiting = [found.image(None) for _ in range(camera.MOST_WAITING_PICTURES)]
     with pytest.raises(ResourceExhaustedError, match="which is the limit"):
         found.image(None).result(0)
     painted[0].set_result(b"painted")
@@ -332,7 +332,7 @@ def test_a_process_that_ends_is_reported_and_replaced() -> None:
 
 @pytest.mark.parametrize("how", ["late", "closed"])
 def test_a_process_that_stops_is_not_waited_for_without_end(monkeypatch: pytest.MonkeyPatch, how: str) -> None:
-    monkeypatch.setattr(painter, "PATIENCE_S" if how == "late" else "_END_S", 0.1)
+    monkeypatch.setattr(painter, "PICTURE_TIMEOUT_S" if how == "late" else "_PROCESS_END_S", 0.1)
     order = PaintOrder(Pose(Vector3(0.0, 0.0, 2.0), DOWN), CameraIntrinsics.of_view(8, 6, 1.2), PaintedScene(0.0))
     easel = painter._Easel()
     try:
@@ -351,7 +351,7 @@ def test_a_process_that_stops_is_not_waited_for_without_end(monkeypatch: pytest.
 
 def test_the_process_yields_from_its_begin_on(monkeypatch: pytest.MonkeyPatch) -> None:
     """Also while it imports, with which it begins."""
-    monkeypatch.setattr(painter, "_NICENESS", 10)  # as it is outside of tests
+    monkeypatch.setattr(painter, "_PAINTER_NICENESS", 10)  # as it is outside of tests
     easel = painter._Easel()
     try:
         easel._start()

@@ -283,7 +283,7 @@ def test_udpout_calls_the_autopilot() -> None:
 
 
 def test_a_taken_port_is_reported_and_tried_again(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("ual_daemon.backends.mavlink.links.connection.FIRST_PAUSE_S", 0.02)
+    monkeypatch.setattr("ual_daemon.backends.mavlink.links.connection.FIRST_RECONNECT_PAUSE_S", 0.02)
     port = free_port()
     with contextlib.ExitStack() as stack:
         other = stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM))
@@ -339,7 +339,7 @@ def test_where_nothing_can_be_sent_to_is_reported(caplog: pytest.LogCaptureFixtu
 def test_what_waited_while_the_thread_was_not_scheduled_is_not_taken_for_the_present(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("ual_daemon.backends.engine.limits.PAUSE_S", 0.3)
+    monkeypatch.setattr("ual_daemon.backends.engine.limits.READER_PAUSE_S", 0.3)
     resume, paused = threading.Event(), threading.Event()
     seen: list[Snapshot] = []
 

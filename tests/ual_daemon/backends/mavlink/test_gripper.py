@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from tests.ual_daemon.backends.mavlink.fakes import Harness, ack, attitude, heartbeat, position
 from ual.errors import LinkLostError, NotSupportedError, RejectedByAutopilotError, UalError, UalTimeoutError
 from ual.gripper import GripperState, WinchAction, WinchStatus
-from ual_daemon.backends.firmwares.gripper_codec import ANSWER_S, UNSENT_S
+from ual_daemon.backends.firmwares.gripper_codec import ANSWER_S, UNSENT_ORDER_S
 from ual_daemon.backends.futures import OpenFutures
 from ual_daemon.backends.mavlink.dialects.command_long import LongCommand
 from ual_daemon.backends.mavlink.offers.gripper import MavlinkGripper
@@ -374,7 +374,7 @@ def test_a_doubled_answer_is_not_taken_for_that_of_the_next_order(copter: Bench)
 def test_what_may_let_go_never_leaves_late(copter: Bench) -> None:
     copter.run(0.5)  # a silence that is too short to lose the link
     release = copter.gripper.release(1)
-    copter.run(UNSENT_S + 0.1)
+    copter.run(UNSENT_ORDER_S + 0.1)
     assert "was not sent: nothing was heard" in failed(release, UalTimeoutError).message
     copter.fly(3.0)
     assert copter.orders == []

@@ -26,7 +26,7 @@ from ual.errors import (
     UalError,
     UalTimeoutError,
 )
-from ual_daemon.backends.engine.picture_worker import MOST_WAITING
+from ual_daemon.backends.engine.picture_worker import MOST_WAITING_PICTURES
 from ual_daemon.backends.light import png
 from ual_daemon.backends.mavlink.offers import http_pictures
 from ual_daemon.backends.mavlink.offers.cameras import MavlinkCamera
@@ -188,7 +188,7 @@ def test_what_is_wrong_is_reported(
     error: type[UalError],
     text: str,
 ) -> None:
-    monkeypatch.setattr(http_pictures, "MOST_BYTES", 10000)
+    monkeypatch.setattr(http_pictures, "LARGEST_PICTURE_BYTES", 10000)
     server.answers["/1"] = answer
     with pytest.raises(error, match=text):
         pictures.fetch(f"{server.url}/1").result(LIMIT_S)
@@ -204,7 +204,7 @@ def test_no_other_host_is_queried(pictures: HttpPictures, url: str) -> None:
 def test_a_server_that_says_nothing_is_not_waited_for_without_end(
     server: Server, pictures: HttpPictures, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(http_pictures, "SILENCE_S", 0.05)
+    monkeypatch.setattr(http_pictures, "SERVER_SILENCE_S", 0.05)
     server.answers["/1"] = server.says_nothing
     with pytest.raises(UalTimeoutError, match="has said nothing"):
         pictures.fetch(f"{server.url}/1").result(LIMIT_S)
@@ -246,7 +246,7 @@ def test_a_picture_ends_before_its_caller_gives_up_also_where_it_waits_for_other
 
 def test_only_so_many_wait_and_the_end_cancels_them(server: Server, pictures: HttpPictures) -> None:
     server.answers["/1"] = server.says_nothing
-    waiting = [pictures.fetch(f"{server.url}/1") for _ in range(MOST_WAITING)]
+    waiting = [pictures.fetch(f"{server.url}/1") for _ in range(MOST_WAITING_PICTURES)]
     with pytest.raises(ResourceExhaustedError, match="wait for one"):
         pictures.fetch(f"{server.url}/1").result(LIMIT_S)
     closing = threading.Thread(target=pictures.close)

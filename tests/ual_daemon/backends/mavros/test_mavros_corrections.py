@@ -14,7 +14,7 @@ from ual.types import State
 from ual_daemon import UAL
 from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.firmwares.ardupilot import ArduCopter
-from ual_daemon.backends.firmwares.baseline import FRESH_S
+from ual_daemon.backends.firmwares.baseline import REPORT_AGE_LIMIT_S
 from ual_daemon.backends.mavros import topics
 from ual_daemon.backends.mavros.corrections import MavrosCorrections, pieces
 from ual_daemon.backends.mavros.telemetry import MavrosTelemetry
@@ -116,4 +116,4 @@ def test_the_baseline_is_reported_while_it_comes() -> None:
         return None if gps is None else gps.baseline_m
 
     assert reported_m(10.5) == 5.0
-    assert reported_m(10.0 + FRESH_S + 0.1) is None
+    assert reported_m(10.0 + REPORT_AGE_LIMIT_S + 0.1) is None

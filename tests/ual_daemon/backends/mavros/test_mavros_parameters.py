@@ -11,7 +11,7 @@ from ual_daemon.backends.engine.plausibility import Plausibility
 from ual_daemon.backends.firmwares.ardupilot import ArduCopter
 from ual_daemon.backends.firmwares.gimbal_codec import ArduPilotGimbal
 from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter as Copter
-from ual_daemon.backends.mavros.parameters import AGAIN_S, LONGEST_ROUND_S, ParameterReader
+from ual_daemon.backends.mavros.parameters import LONGEST_ROUND_S, REQUEST_PERIOD_S, ParameterReader
 from ual_daemon.backends.rosbridge import Message, RosGeneration
 
 OLD = {"WPNAV_SPEED": 1000.0, "WPNAV_SPEED_UP": 250.0, "WPNAV_SPEED_DN": 150.0, "WPNAV_ACCEL": 250.0,
@@ -90,8 +90,8 @@ def test_what_is_next_to_flying_is_requested_again_where_the_answer_was_lost() -
     bench.reader = ParameterReader(Copter(), bench.read, Plausibility(), lambda: None, lambda: ("MNT1_TYPE",))
     bench.unanswered = {"MNT1_TYPE"}
     bench.tick(0.0)
-    bench.tick(AGAIN_S / 2.0)
+    bench.tick(REQUEST_PERIOD_S / 2.0)
     assert bench.asked.count("MNT1_TYPE") == 1
     bench.unanswered.clear()
-    bench.tick(AGAIN_S + 1.0)
+    bench.tick(REQUEST_PERIOD_S + 1.0)
     assert bench.read["MNT1_TYPE"] == 1.0

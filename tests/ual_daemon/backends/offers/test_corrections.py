@@ -8,7 +8,7 @@ import pytest
 
 from tests.rtcm import message
 from ual.errors import ResourceExhaustedError
-from ual_daemon.backends.offers.corrections import SILENCE_S, Injected, SenderTurn, WaitingCorrections
+from ual_daemon.backends.offers.corrections import HOLDER_SILENCE_S, Injected, SenderTurn, WaitingCorrections
 
 FIRST, SECOND, THIRD = message(100, 1), message(100, 2), message(100, 3)
 
@@ -58,7 +58,7 @@ def test_one_sends_at_a_time_and_another_one_hears_its_name() -> None:
     now_s, first, second = [100.0], object(), object()
     turn.keep(first, "the caster")
     assert turn.name == "the caster"
-    now_s[0] += SILENCE_S - 0.1
+    now_s[0] += HOLDER_SILENCE_S - 0.1
     with pytest.raises(ResourceExhaustedError, match="the caster sends them already") as refused:
         turn.keep(second, "a serial base")
     assert refused.value.metadata == {"limit": "1", "held_by": "the caster"}
@@ -73,10 +73,10 @@ def test_a_sender_that_is_silent_loses_its_turn_to_another_one_that_asks() -> No
     turn = SenderTurn(lambda: now_s[0])
     now_s, first, second = [100.0], object(), object()
     turn.keep(first, "the caster")
-    now_s[0] += SILENCE_S + 0.1
+    now_s[0] += HOLDER_SILENCE_S + 0.1
     assert turn.name == ""
     turn.keep(first, "the caster")  # it was silent, and no other one has asked
-    now_s[0] += SILENCE_S + 0.1
+    now_s[0] += HOLDER_SILENCE_S + 0.1
     turn.keep(second, "a serial base")
     with pytest.raises(ResourceExhaustedError, match="a serial base"):
         turn.keep(first, "the caster")

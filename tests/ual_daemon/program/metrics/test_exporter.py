@@ -18,7 +18,7 @@ from tests.ual_daemon.program.metrics.scraped import parsed, scraped, text_of
 from tests.waiting import LIMIT_S, until
 from ual_daemon.program.metrics import http_server
 from ual_daemon.program.metrics.catalogue import CATALOGUE, MetricSample
-from ual_daemon.program.metrics.exporter import FRESH_S, Collected, Exporter, families
+from ual_daemon.program.metrics.exporter import VALUES_AGE_LIMIT_S, Collected, Exporter, families
 from ual_daemon.server.addresses import Address
 
 PAGE = Path(__file__).parents[4] / "docs" / "reference" / "metrics.md"
@@ -108,7 +108,7 @@ def test_however_often_it_is_queried_it_gathers_at_most_twice_a_second() -> None
     for _ in range(10):
         assert [metric.name for metric in collected.collect()] == ["ual_up"]
     assert gathered == [5.0]
-    now_s += FRESH_S
+    now_s += VALUES_AGE_LIMIT_S
     list(collected.collect())
     assert len(gathered) == 2
 
@@ -182,7 +182,7 @@ def test_whoever_does_not_read_the_answer_delays_nobody(serve: Serve) -> None:
 
 def test_the_end_waits_for_no_client_and_for_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(http_server, "REQUEST_S", 10.0 * LIMIT_S)
-    monkeypatch.setattr(http_server, "_END_S", 10.0 * LIMIT_S)
+    monkeypatch.setattr(http_server, "_THREAD_END_S", 10.0 * LIMIT_S)
     is_asked, may_go_on = threading.Event(), threading.Event()
 
     def gather() -> list[MetricSample]:
@@ -205,7 +205,7 @@ def test_the_end_waits_for_no_client_and_for_no_answer(monkeypatch: pytest.Monke
 def test_without_file_descriptors_it_says_so_once_and_waits(
     serve: Serve, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(http_server, "_PAUSE_S", 0.1)
+    monkeypatch.setattr(http_server, "_ACCEPT_RETRY_S", 0.1)
     address = serve(lambda: [UP])
     (thread,) = (each for each in threading.enumerate() if each.name == "metrics")
     with closing(socket.socket()) as asking, caplog.at_level(logging.INFO):

@@ -62,7 +62,7 @@ def test_uavs_of_a_process_that_has_ended_are_down() -> None:
 
 
 def test_uavs_of_a_process_that_does_not_answer_are_down(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(workers, "LIMIT_S", 0.2)
+    monkeypatch.setattr(workers, "ANSWER_TIMEOUT_S", 0.2)
 
     async def run() -> None:
         some = [Worker("uav_1"), Worker("uav_2")]

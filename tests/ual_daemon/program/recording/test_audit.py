@@ -124,7 +124,7 @@ def test_a_full_disk_is_reported_and_what_waits_is_written_later(
     file: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(audit_writer, "_RETRY_S", 0.01)
-    monkeypatch.setattr(audit_writer, "_MOST_WAITING", 3)
+    monkeypatch.setattr(audit_writer, "_MOST_WAITING_LINES", 3)
     written, is_full = os.write, True
 
     def write(to: int, data: bytes) -> int:

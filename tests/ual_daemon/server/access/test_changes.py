@@ -102,7 +102,7 @@ def test_a_renewed_certificate_is_used_without_a_restart(tmp_path: Path, transpo
 def test_one_caller_does_not_use_up_the_share_of_another(
     tmp_path: Path, transport: Choice, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(calls, "MOST_OF_ONE_METHOD", 3)
+    monkeypatch.setattr(calls, "MOST_CALLS_PER_METHOD", 3)
 
     async def check(to: Served) -> None:
         greedy, other = (variants(to.made)[f"tls, token of {who}"] for who in ("an observer", "a pilot"))

@@ -32,7 +32,7 @@ def chosen(choice: Choice) -> str:
 def test_the_core_is_chosen_where_it_works(
     choice: Choice, name: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr(self_test, "LIMIT_S", LIMIT_S)
+    monkeypatch.setattr(self_test, "TEST_TIMEOUT_S", LIMIT_S)
     threads = set(threading.enumerate())
     assert chosen(choice) == name
     assert not caplog.records
@@ -124,7 +124,7 @@ USED = ("CallError", "CompletionQueue", "CompletionType", "Server", *OPERATIONS)
 def test_a_broken_core_is_not_used_and_one_message_says_why(
     binding: Binding, why: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr(self_test, "LIMIT_S", LIMIT_S)
+    monkeypatch.setattr(self_test, "TEST_TIMEOUT_S", LIMIT_S)
     assert why_not(binding, monkeypatch, caplog).startswith(why)
 
 

@@ -10,7 +10,7 @@ from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink, message_name
 
 _PARAMS_COUNT = 7
-LEAST_RATE_HZ = 4.0
+LEAST_STREAM_RATE_HZ = 4.0
 """No stream that is used is requested more slowly: a landed state counts for 1.5 s (`Freshness`), and some are lost."""
 TARGET_HZ = 37.0
 """Rate of the target. A setpoint of another program lasts 10 ms of 50, until the next one of ours. A rate that is no
@@ -82,9 +82,9 @@ def default_interval(stream: LongCommand) -> LongCommand:
 
 
 def slower(stream: LongCommand, share: float) -> LongCommand:
-    """Returns the request for a part of a stream's rate, not below `LEAST_RATE_HZ`."""
+    """Returns the request for a part of a stream's rate, not below `LEAST_STREAM_RATE_HZ`."""
     interval_us = stream.request.params[1]
-    longest_us = max(interval_us, 1e6 / LEAST_RATE_HZ)
+    longest_us = max(interval_us, 1e6 / LEAST_STREAM_RATE_HZ)
     return _with_interval(stream, min(interval_us / share, longest_us))
 
 

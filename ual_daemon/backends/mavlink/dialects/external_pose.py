@@ -13,7 +13,7 @@ from ual_daemon.backends.mavlink.dialects.axes import enu_to_ned, orientation_to
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import ExternalPose
 
-_SIZE = 21
+_COVARIANCE_FIELDS = 21
 _POSITION_DIAGONAL, _ORIENTATION_DIAGONAL = (0, 6, 11), (15, 18, 20)
 """Of a 6 x 6 matrix, of which the upper right triangle is sent row by row."""
 
@@ -30,7 +30,7 @@ def encode_odometry(measured: ExternalPose) -> Message:
         [q.w, q.x, q.y, q.z],
         *(nan, nan, nan, nan, nan, nan),
         _covariance(measured, unknown=nan),
-        [nan] * _SIZE,
+        [nan] * _COVARIANCE_FIELDS,
         measured.resets_count & 0xFF,
         mavlink.MAV_ESTIMATOR_TYPE_VISION,
     )
@@ -66,7 +66,7 @@ def _micros(measured: ExternalPose) -> int:
 
 def _covariance(measured: ExternalPose, *, unknown: float) -> list[float]:
     """Returns the variances; `unknown` for those that are not known, so that the autopilot's parameters hold."""
-    covariance = [0.0] * _SIZE
+    covariance = [0.0] * _COVARIANCE_FIELDS
     for diagonal, std_dev in (
         (_POSITION_DIAGONAL, measured.position_std_dev_m),
         (_ORIENTATION_DIAGONAL, measured.orientation_std_dev_rad),

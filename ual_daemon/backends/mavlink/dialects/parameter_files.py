@@ -15,14 +15,14 @@ from typing import Any
 
 from ual.parameters.values import Description, Parameter, ParameterType
 
-MOST_BYTES = 16_000_000
+LARGEST_FILE_BYTES = 16_000_000
 """Most bytes of a file once it is unpacked. PX4's has 0.7 MB."""
-MEMORY_BYTES = 100_000_000
+MOST_MEMORY_BYTES = 100_000_000
 """Most memory of unpacking in bytes: xz -9, by which PX4 packs, takes 66 MB."""
 MOST_PARAMETERS = 10_000
 LONGEST_TEXT_CHARACTERS = 500
 _PARAMETERS_KIND = 1
-_MAGIC = 0x671B
+_FILE_FORMAT_ID = 0x671B
 _HEADER = struct.Struct("<HHH")
 _PACKED = {
     1: ("<b", ParameterType.INT8),
@@ -104,7 +104,7 @@ def packed_list(data: bytes) -> list[Parameter]:
         found = list(_packed(data[_HEADER.size :]))
     except (struct.error, UnicodeDecodeError) as error:
         raise ValueError(f"the list is damaged: {error}") from None
-    if magic != _MAGIC or not count == total == len(found):
+    if magic != _FILE_FORMAT_ID or not count == total == len(found):
         raise ValueError(f"the list has {len(found)} of {total} parameters")
     return found
 
@@ -126,13 +126,13 @@ def _packed(data: bytes) -> Iterator[Parameter]:
 
 
 def _decompressed(data: bytes) -> bytes:
-    unpacker = lzma.LZMADecompressor(memlimit=MEMORY_BYTES)
+    unpacker = lzma.LZMADecompressor(memlimit=MOST_MEMORY_BYTES)
     try:
-        content = unpacker.decompress(data, MOST_BYTES)
+        content = unpacker.decompress(data, LARGEST_FILE_BYTES)
     except (lzma.LZMAError, EOFError) as error:
         raise ValueError(f"it is damaged: {error}") from None
     if not unpacker.eof:
-        raise ValueError(f"it is cut off, or has over {MOST_BYTES} bytes")
+        raise ValueError(f"it is cut off, or has over {LARGEST_FILE_BYTES} bytes")
     return content
 
 

@@ -14,11 +14,11 @@ from ual_daemon.backends.mavlink.links.base import Address, Chunk, LinkError, Ma
 
 _log = logging.getLogger(__name__)
 
-FIRST_PAUSE_S = 0.2
-LONGEST_PAUSE_S = 3.0
-MOST_DISCARDED = 512
+FIRST_RECONNECT_PAUSE_S = 0.2
+LONGEST_RECONNECT_PAUSE_S = 3.0
+MOST_DISCARDED_BATCHES = 512
 """Most batches that are discarded. No system keeps more: 4 MiB, or in small datagrams 32,768."""
-SILENCE_S = 5.0
+PEER_SILENCE_S = 5.0
 """After a silence this long a connection counts as half-open: the other end is gone without having closed it. An
 autopilot sends a heartbeat each second."""
 
@@ -35,7 +35,7 @@ class LinkConnection(MessageTransport):
         self._logged: set[str] = set()
         self._is_open = False
         self._next_open_s = float("-inf")
-        self._pause_s = FIRST_PAUSE_S
+        self._pause_s = FIRST_RECONNECT_PAUSE_S
         self._alive_s = float("-inf")
         self._connections_count = 0
         self._waker, self._woken = socket.socketpair()
@@ -120,7 +120,7 @@ class LinkConnection(MessageTransport):
 
     def discard(self, now_s: float) -> None:
         """Discards all data that have arrived and are not received yet; under a flood, about as many as fit."""
-        for _ in range(MOST_DISCARDED):
+        for _ in range(MOST_DISCARDED_BATCHES):
             if not self.receive(0.0, now_s):
                 return
 
@@ -129,7 +129,7 @@ class LinkConnection(MessageTransport):
         if heard_s <= self._alive_s:
             return
         self._alive_s = heard_s
-        self._pause_s = FIRST_PAUSE_S
+        self._pause_s = FIRST_RECONNECT_PAUSE_S
         if self._logged:
             self._logged.clear()
             _log.info("the link %s works again", self._url)
@@ -146,9 +146,9 @@ class LinkConnection(MessageTransport):
                 self._open(now_s)
         elif self._link.peer is None:
             self._alive_s = now_s  # no other end is known yet whose silence could mean anything
-        elif self._link.needs_traffic and now_s - self._alive_s > SILENCE_S:
+        elif self._link.needs_traffic and now_s - self._alive_s > PEER_SILENCE_S:
             try:
-                self._link.drop_peer(f"nothing came from {self._url} for {SILENCE_S:.0f} s; connecting anew")
+                self._link.drop_peer(f"nothing came from {self._url} for {PEER_SILENCE_S:.0f} s; connecting anew")
             except (LinkError, OSError) as error:
                 self._fail(error, now_s)
 
@@ -168,7 +168,7 @@ class LinkConnection(MessageTransport):
         self._is_open = False
         self._alive_s = now_s  # what was received until now does not show that it works again
         self._next_open_s = now_s + self._pause_s
-        self._pause_s = min(self._pause_s * 2.0, LONGEST_PAUSE_S)
+        self._pause_s = min(self._pause_s * 2.0, LONGEST_RECONNECT_PAUSE_S)
         # An OSError that no link has explained: the system is short of something (descriptors, memory).
         trouble = f"{self._url}: {error.strerror}; trying again" if isinstance(error, OSError) else str(error)
         self._trouble = trouble

@@ -11,7 +11,14 @@ from typing import TYPE_CHECKING
 
 from typing_extensions import override
 
-from ual_daemon.backends.mavlink.links.base import BATCH_BYTES, Address, Chunk, LinkError, MavlinkLink, StreamWriter
+from ual_daemon.backends.mavlink.links.base import (
+    RECEIVED_BATCH_BYTES,
+    Address,
+    Chunk,
+    LinkError,
+    MavlinkLink,
+    StreamWriter,
+)
 from ual_daemon.backends.mavlink.links.endpoints import KEY, SerialEndpoint
 from ual_daemon.settings import ConfigError
 
@@ -72,7 +79,7 @@ class SerialLink(MavlinkLink):
         if self._line is None:
             return []
         try:
-            data = os.read(self._line.fileno(), BATCH_BYTES)
+            data = os.read(self._line.fileno(), RECEIVED_BATCH_BYTES)
         except BlockingIOError:
             return []
         except OSError:

@@ -15,7 +15,7 @@ from typing_extensions import override
 from ual_daemon.backends import tcp
 from ual_daemon.backends.hosts import Host
 from ual_daemon.backends.mavlink.links.base import (
-    BATCH_BYTES,
+    RECEIVED_BATCH_BYTES,
     Address,
     Chunk,
     LinkError,
@@ -27,7 +27,7 @@ from ual_daemon.backends.mavlink.links.endpoints import TcpEndpoint
 
 _log = logging.getLogger(__name__)
 
-ROOMY_BYTES = 512
+LARGEST_WRITE_BYTES = 512
 """Bytes that may wait for their acknowledgement where there is room for messages that are not urgent: setpoints always
 do.
 """
@@ -45,7 +45,7 @@ class TcpClientLink(MavlinkLink):
         self._host = Host(endpoint.host, endpoint.port, socket.SOCK_STREAM, LinkError)
         self._address: Address | None = None
         self._socket: socket.socket | None = None
-        self._writer = StreamWriter(os.write, ROOMY_BYTES)
+        self._writer = StreamWriter(os.write, LARGEST_WRITE_BYTES)
 
     @override
     def open(self) -> None:
@@ -90,7 +90,7 @@ class TcpClientLink(MavlinkLink):
             self._finish_connecting(sock)
             return []
         try:
-            data = sock.recv(BATCH_BYTES)
+            data = sock.recv(RECEIVED_BATCH_BYTES)
         except BlockingIOError:
             return []
         except OSError as error:
@@ -145,7 +145,7 @@ class TcpServerLink(MavlinkLink):
         self._client: socket.socket | None = None
         self._address: Address | None = None
         self._received_s = 0.0
-        self._writer = StreamWriter(os.write, ROOMY_BYTES)
+        self._writer = StreamWriter(os.write, LARGEST_WRITE_BYTES)
 
     @override
     def open(self) -> None:
@@ -208,7 +208,7 @@ class TcpServerLink(MavlinkLink):
         if self._client is None:
             return b""
         try:
-            data = self._client.recv(BATCH_BYTES)
+            data = self._client.recv(RECEIVED_BATCH_BYTES)
         except BlockingIOError:
             return b""
         except OSError:

@@ -22,7 +22,7 @@ from ual_daemon.backends.payload import PayloadMessage
 T = TypeVar("T")
 
 _N_PER_KG = 9.80665
-_NO_TEMPERATURE = 32767
+_NO_TEMPERATURE_CODE = 32767
 _CHANNELS_COUNT = 16
 """Of one SERVO_OUTPUT_RAW."""
 
@@ -157,7 +157,7 @@ def _winch_status(message: PayloadMessage) -> WinchStatus:
         None if tension_kg is None else tension_kg * _N_PER_KG,
         _known(fields["voltage"]),
         _known(fields["current"]),
-        None if fields["temperature"] == _NO_TEMPERATURE else float(fields["temperature"]),
+        None if fields["temperature"] == _NO_TEMPERATURE_CODE else float(fields["temperature"]),
         bool(flags & mavlink.MAV_WINCH_STATUS_HEALTHY),
         bool(flags & mavlink.MAV_WINCH_STATUS_FULLY_RETRACTED),
         bool(flags & mavlink.MAV_WINCH_STATUS_MOVING),

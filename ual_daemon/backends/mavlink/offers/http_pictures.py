@@ -18,10 +18,10 @@ from ual_daemon.backends.engine.picture_worker import PictureWorker
 if TYPE_CHECKING:
     from http.client import HTTPConnection, HTTPResponse
 
-MOST_BYTES = 64 << 20
+LARGEST_PICTURE_BYTES = 64 << 20
 TIMEOUT_S = 15.0
 """Seconds that a picture may take in all, since it was ordered: no caller waits longer (`ORDER_S`). ..."""
-SILENCE_S = 5.0
+SERVER_SILENCE_S = 5.0
 """... and seconds for which its server may be silent."""
 _CHUNK_BYTES = 1 << 16
 _PNG, _JPEG = b"\x89PNG\r\n\x1a\n", b"\xff\xd8"
@@ -134,7 +134,7 @@ class HttpPictures:
         except UalError:  # one of them is a TimeoutError, too
             raise
         except TimeoutError:
-            raise UalTimeoutError(f"{url}: the camera's server has said nothing for {SILENCE_S:g} s") from None
+            raise UalTimeoutError(f"{url}: the camera's server has said nothing for {SERVER_SILENCE_S:g} s") from None
         except (OSError, HTTPException, ValueError) as error:
             raise LinkLostError(f"{url}: the camera's server cannot be read: {error!r}") from None
 
@@ -192,8 +192,8 @@ class _Exchange:
         data = bytearray()
         while chunk := response.read(_CHUNK_BYTES):
             data += chunk
-            if len(data) > MOST_BYTES:
-                raise UalError(f"the picture has more than {MOST_BYTES >> 20} MiB")
+            if len(data) > LARGEST_PICTURE_BYTES:
+                raise UalError(f"the picture has more than {LARGEST_PICTURE_BYTES >> 20} MiB")
         self._require_going()  # one that has no length just ends
         if response.length:  # `read` says nothing of it
             from http.client import IncompleteRead
@@ -211,7 +211,7 @@ def _connection_to(address: SplitResult) -> HTTPConnection:
     from http.client import HTTPConnection, HTTPSConnection
 
     kind = HTTPSConnection if address.scheme == "https" else HTTPConnection
-    return kind(address.hostname or "", address.port, timeout=SILENCE_S)
+    return kind(address.hostname or "", address.port, timeout=SERVER_SILENCE_S)
 
 
 def _closed() -> UalError:

@@ -22,7 +22,7 @@ Descriptions = Mapping[str, Description]
 
 _log = logging.getLogger(__name__)
 
-PATIENCE_S = 5.0
+ANSWER_TIMEOUT_S = 5.0
 """Seconds for which descriptions are awaited: over a slow link they are there the next time."""
 READ_S = 600.0
 MOST_GENERAL, MOST_PARAMETERS = 100_000, 2_000_000
@@ -51,7 +51,7 @@ class ParameterDescriptions:
     def get(self) -> Future[Descriptions]:
         """Returns them, or nothing where they are not there soon."""
         answer: Future[Descriptions] = Future()
-        limit = threading.Timer(PATIENCE_S, _end, (answer, {}))
+        limit = threading.Timer(ANSWER_TIMEOUT_S, _end, (answer, {}))
         limit.daemon = True
 
         def on_loaded(loaded: Future[Descriptions]) -> None:

@@ -23,7 +23,7 @@ from ual_daemon.backends.offers.parameters import AutopilotParameters, Refusal
 
 T = TypeVar("T")
 
-MOST_PACKED = 500_000
+MOST_LIST_BYTES = 500_000
 """Most bytes of the packed list. ArduPilot's has 20,000."""
 
 _log = logging.getLogger(__name__)
@@ -77,7 +77,7 @@ class MavlinkParameters(AutopilotParameters):
         def begin(protocols: Protocols, future: Future[list[Parameter]]) -> None:
             data: Future[bytes] = Future()
             data.add_done_callback(lambda ended: self._on_packed(protocols.parameters, ended, future))
-            protocols.files.run(data, protocols.files.read_all(path, MOST_PACKED))
+            protocols.files.run(data, protocols.files.read_all(path, MOST_LIST_BYTES))
 
         return self._reach.run_on_loop("read its parameters", begin)
 

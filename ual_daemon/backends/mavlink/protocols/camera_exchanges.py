@@ -23,9 +23,9 @@ T = TypeVar("T")
 RETRY_S = 0.5
 TRIES_COUNT = 10
 """Attempts of an order or a request: on a link that loses 30 % each way, one in a thousand has no answer then."""
-BUSY_S = 12.0
+BUSY_TIMEOUT_S = 12.0
 """Seconds that an order may be in progress, or a picture may take, ..."""
-ASK_S = 1.5
+PROGRESS_REQUEST_S = 1.5
 """... and seconds without the picture after which the camera is requested it."""
 MOST_STREAMS = 16
 OLDER_REQUESTS: dict[int, tuple[int, tuple[float, ...]]] = {
@@ -106,7 +106,7 @@ class CameraOrder(CameraExchange[None]):
     def tick(self, now_s: float) -> None:
         if self._busy_until_s is not None:
             if now_s >= self._busy_until_s:
-                self.fail(UalTimeoutError(f"{self._line.name} was busy with {self._words} for {BUSY_S:g} s"))
+                self.fail(UalTimeoutError(f"{self._line.name} was busy with {self._words} for {BUSY_TIMEOUT_S:g} s"))
         elif self._next_s is None or now_s >= self._next_s:
             self._send(now_s)
 
@@ -126,7 +126,7 @@ class CameraOrder(CameraExchange[None]):
         if result == mavlink.MAV_RESULT_ACCEPTED:
             self._end(None)
         elif result == mavlink.MAV_RESULT_IN_PROGRESS:
-            self._busy_until_s = now_s + BUSY_S
+            self._busy_until_s = now_s + BUSY_TIMEOUT_S
         else:
             self.fail(refused(self._line.name, command_id, result))
 
@@ -168,12 +168,12 @@ class Shooting(CameraExchange[TakenPhoto]):
         elif now_s >= self._until_s:
             self.fail(
                 UalTimeoutError(
-                    f"{self._line.name} accepted, and has not told a picture for {BUSY_S:g} s: it is not known whether "
-                    "there is one"
+                    f"{self._line.name} accepted, and has not told a picture for {BUSY_TIMEOUT_S:g} s: it is not known "
+                    "whether there is one"
                 )
             )
         elif now_s >= self._ask_s:
-            self._asks_count, self._ask_s = self._asks_count + 1, now_s + ASK_S
+            self._asks_count, self._ask_s = self._asks_count + 1, now_s + PROGRESS_REQUEST_S
             self._ask(self._asks_count)
 
     @override
@@ -197,7 +197,7 @@ class Shooting(CameraExchange[TakenPhoto]):
         error = self._ordering.exception()
         if isinstance(error, UalError):
             self.fail(error)
-        self._until_s, self._ask_s = now_s + BUSY_S, now_s + ASK_S
+        self._until_s, self._ask_s = now_s + BUSY_TIMEOUT_S, now_s + PROGRESS_REQUEST_S
 
 
 class MessageRequests(CameraExchange[None]):

@@ -35,19 +35,19 @@ from ual_daemon.backends.offers.cameras import TakenPhoto, Viewpoint
 
 _log = logging.getLogger(__name__)
 
-LOST_S = 5.0
+LOST_CAMERA_S = 5.0
 """Seconds of silence after which a camera counts as not connected. Its heartbeat comes each second."""
-MOST_WAITING = 20
+MOST_WAITING_EXCHANGES = 20
 """Exchanges that may wait for their turn with one camera."""
-QUIET_S = 0.7
+LATE_ANSWER_S = 0.7
 """Seconds for which an order waits after one of its kind that was repeated: late answers to that would be taken for its
 own.
 """
 IDENTITY_S, LATER_IDENTITY_S = 1.0, 10.0
-"""The interval of requests for what a camera is: at first, and after `SOON_COUNT` of them."""
-DOUBT_S = 0.5
+"""The interval of requests for what a camera is: at first, and after `EARLY_REQUESTS_COUNT` of them."""
+DOUBTED_IDENTITY_S = 0.5
 """Seconds after which a camera is asked again that has reported to be another one."""
-SOON_COUNT = 10
+EARLY_REQUESTS_COUNT = 10
 SHOT_RETRY_S, SHOT_TRIES_COUNT = 0.15, 3
 """Interval in seconds and attempts of an order of a picture by distance, as long as the UAV is near its place."""
 _SETTINGS, _STORAGE = mavlink.MAVLINK_MSG_ID_CAMERA_SETTINGS, mavlink.MAVLINK_MSG_ID_STORAGE_INFORMATION
@@ -125,7 +125,7 @@ class CameraLink:
 
     def info(self, now_s: float) -> CameraInfo:
         """Returns what it is."""
-        identity, is_connected = self.identity, now_s - self.heard_s <= LOST_S
+        identity, is_connected = self.identity, now_s - self.heard_s <= LOST_CAMERA_S
         if identity is None:
             return CameraInfo(self.number, self.name, frozenset(), is_connected, note="it has not said what it is")
         return CameraInfo(
@@ -219,9 +219,9 @@ class CameraLink:
         )
 
     def _add(self, exchange: CameraExchange[Any]) -> None:
-        if len(self._waiting) >= MOST_WAITING:
-            text = f"{MOST_WAITING} orders of {self.name} wait already, which is the limit"
-            exchange.fail(ResourceExhaustedError(text, {"limit": str(MOST_WAITING)}))
+        if len(self._waiting) >= MOST_WAITING_EXCHANGES:
+            text = f"{MOST_WAITING_EXCHANGES} orders of {self.name} wait already, which is the limit"
+            exchange.fail(ResourceExhaustedError(text, {"limit": str(MOST_WAITING_EXCHANGES)}))
         else:
             self._waiting.append(exchange)
 
@@ -229,7 +229,7 @@ class CameraLink:
 
     def on_heartbeat(self, now_s: float) -> None:
         """Takes that it is there."""
-        if now_s - self.heard_s > LOST_S and self.heard_s > -math.inf:
+        if now_s - self.heard_s > LOST_CAMERA_S and self.heard_s > -math.inf:
             _log.info("%s is heard again", self.name)
             self._next_identity_s = now_s  # another one may have its place
             if self._identities is not None:
@@ -255,7 +255,7 @@ class CameraLink:
 
     def tick(self, now_s: float) -> None:
         """Sends what is due; to be called often."""
-        if now_s - self.heard_s > LOST_S:
+        if now_s - self.heard_s > LOST_CAMERA_S:
             if self._running is not None or self._waiting:
                 silent_s = now_s - self.heard_s
                 self.drop(LinkLostError(f"{self.name} is not heard: its last message came {silent_s:.0f} s ago"))
@@ -272,7 +272,7 @@ class CameraLink:
         running = self._running
         if running is not None and running.is_over:
             if isinstance(running, CameraOrder | Shooting) and running.was_repeated:
-                self._quiet_until_s[_command_of(running)] = now_s + QUIET_S
+                self._quiet_until_s[_command_of(running)] = now_s + LATE_ANSWER_S
             self._running = running = None
         while running is None and self._waiting:
             if now_s < self._quiet_until_s.get(_command_of(self._waiting[0]), -math.inf):
@@ -288,7 +288,9 @@ class CameraLink:
         if now_s < self._next_identity_s or is_known:
             return
         self._identity_count += 1
-        self._next_identity_s = now_s + (IDENTITY_S if self._identity_count < SOON_COUNT else LATER_IDENTITY_S)
+        self._next_identity_s = now_s + (
+            IDENTITY_S if self._identity_count < EARLY_REQUESTS_COUNT else LATER_IDENTITY_S
+        )
         self._line.request(mavlink.MAVLINK_MSG_ID_CAMERA_INFORMATION, is_older=self._identity_count % 2 == 0)
 
     def _on_identity(self, identity: CameraIdentity, now_s: float) -> None:
@@ -296,7 +298,7 @@ class CameraLink:
         is_first = self._identities is None
         self._identities = self._identities or Agreement(identity)
         if not self._identities.note(identity, now_s, is_flying=self._may_be_flying()) and not is_first:
-            self._next_identity_s, self._identity_count = now_s + DOUBT_S, min(self._identity_count, 1)
+            self._next_identity_s, self._identity_count = now_s + DOUBTED_IDENTITY_S, min(self._identity_count, 1)
             return
         _log.info("%s: %s", f"camera {self.number}", identity.name)
         self._line = CameraSender(self._command, self.name)

@@ -10,9 +10,9 @@ from ual_daemon.backends.firmwares.triggered_photos import LARGEST_GAP_PHOTOS
 RETRY_S = 1.0
 TRIES_COUNT = 5
 """Requests for a report that is missing, ..."""
-MOST_MISSING = 100
+MOST_MISSING_REPORTS = 100
 """... and most missing reports at a time. What is more counts as lost at once."""
-MOST_KNOWN = 1000
+MOST_KNOWN_PHOTOS = 1000
 
 
 class ReportedPhotos:
@@ -41,7 +41,7 @@ class ReportedPhotos:
         if before_ms is not None:  # the same number at another time: its numbers have begun again
             self.restart()
         self._known[index] = boot_ms
-        while len(self._known) > MOST_KNOWN:
+        while len(self._known) > MOST_KNOWN_PHOTOS:
             self._known.popitem(last=False)
         if self._missing.pop(index, None) is None and index >= 0:
             self._expect(index, now_s)
@@ -79,7 +79,7 @@ class ReportedPhotos:
             self._next = index + 1
 
     def _miss(self, indexes: range, now_s: float) -> None:
-        room = MOST_MISSING - len(self._missing)
+        room = MOST_MISSING_REPORTS - len(self._missing)
         self.lost_count += max(0, len(indexes) - room)
         for index in indexes[max(0, len(indexes) - max(room, 0)) :]:
             self._missing[index] = (0, now_s)

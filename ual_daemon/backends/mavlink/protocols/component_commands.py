@@ -19,9 +19,9 @@ from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
 MESSAGE_IDS = frozenset({mavlink.MAVLINK_MSG_ID_HEARTBEAT, mavlink.MAVLINK_MSG_ID_COMMAND_ACK})
-LOST_S = 5.0
+LOST_COMPONENT_S = 5.0
 """Seconds of silence after which a component counts as not there. Its heartbeat comes each second."""
-QUIET_S = 0.7
+LATE_ANSWER_S = 0.7
 """Seconds for which a command waits after one that was sent more often than answered, whose late answers may come."""
 
 
@@ -90,7 +90,7 @@ class ComponentCommands(Protocol):
     def tick(self, now_s: float) -> None:
         asked, self._asked = self._asked, []
         for component_id, future in asked:
-            futures.finish(future, now_s - self._heard_s.get(component_id, -math.inf) <= LOST_S)
+            futures.finish(future, now_s - self._heard_s.get(component_id, -math.inf) <= LOST_COMPONENT_S)
         for key, order in tuple(self._orders.items()):
             order.tick(now_s)
             if order.is_over:
@@ -131,7 +131,7 @@ class _ComponentOrder(Exchange[None]):
         self._send(self._command.encode(self._source, self._count))
         self._count += 1
         self._next_s = now_s + AGAIN.every_s
-        self._quiet_until_s[self._key] = now_s + QUIET_S
+        self._quiet_until_s[self._key] = now_s + LATE_ANSWER_S
 
     def on_ack(self, result: int) -> None:
         """Takes what the component answers."""

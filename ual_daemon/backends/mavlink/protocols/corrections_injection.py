@@ -25,11 +25,11 @@ PIECE_BYTES = 180
 MOST_PIECES = 4
 LONGEST_BYTES = MOST_PIECES * PIECE_BYTES
 MESSAGES_AT_ONCE = 2
-PACE_S = 0.02
+MESSAGE_PACE_S = 0.02
 """Seconds between `MESSAGES_AT_ONCE` pieces that leave together and the next ones: 18 kB/s. PX4 keeps 8 pieces for its
 receiver's driver, which looks each 50 ms.
 """
-ASK_S = 10.0
+RECEIVER_REQUEST_S = 10.0
 """Seconds between two requests for the messages with the base line, while they do not come."""
 _BASELINES = (mavlink.MAVLINK_MSG_ID_GPS_RTK, mavlink.MAVLINK_MSG_ID_GPS2_RTK)
 
@@ -103,7 +103,7 @@ class CorrectionsInjection(Protocol):
         if not self._is_up(now_s):
             self.drop("the link is lost")
         elif now_s >= self._next_s and (self._pieces or self._next_message()):
-            self._next_s = now_s + PACE_S
+            self._next_s = now_s + MESSAGE_PACE_S
             self._send(now_s)
             self._ask(now_s)
 
@@ -141,7 +141,7 @@ class CorrectionsInjection(Protocol):
         """Asks for the base line. Only where corrections are sent: without them there is none."""
         is_needed = self._tells_baseline and self._target is not None and self._baseline.fresh_m(now_s) is None
         if is_needed and self._target is not None and now_s >= self._next_ask_s and self._has_room():
-            self._next_ask_s = now_s + ASK_S
+            self._next_ask_s = now_s + RECEIVER_REQUEST_S
             for each in _BASELINES:
                 self._transmit(set_message_interval(each, 1.0).request.encode(self._target, 0))
 

@@ -28,15 +28,15 @@ T = TypeVar("T")
 Steps = Generator[FtpStep[Any], Any, T]
 """An exchange about files, step by step; each `yield` returns the result of the step, or raises its error."""
 
-FASTER_S = 2.0
+SLOWED_READ_S = 2.0
 """Seconds before a file is read in flight for which faster streams are requested, where files slow them, ..."""
-AGAIN_S = 5.0
+SLOWED_REQUEST_PERIOD_S = 5.0
 """... and again as often, as a request may be lost."""
-SLOWED_S = 1.5
+SLOWED_RATES_S = 1.5
 """Seconds after the last answer for which the streams may be slow."""
-USUAL_COUNT = 3
+USUAL_RATE_REQUESTS_COUNT = 3
 """Requests for the usual rates after that."""
-IDLE_S = 2.0
+IDLE_FILE_S = 2.0
 """Seconds after which a file that is not read any more is closed."""
 BUSY_S = (0.5, 3.5, 11.0)
 """Seconds after which a request is repeated that was refused because another file is open. Each request delays the
@@ -45,10 +45,10 @@ moment at which the autopilot closes one that was left open: ArduPilot after 3 s
 REOPENED_COUNT = 3
 """Times that a file may be closed by the autopilot while it is read."""
 MOST_ENTRIES = 20_000
-MOST_WAITING = 100
+MOST_WAITING_READS = 100
 CHUNK_BYTES = 32_768
 """Bytes of a file that are read in one step where all of it is wanted."""
-_SESSION = 191
+_SESSION_ID = 191
 """The session that is requested. ArduPilot takes the client's, so that another program's is another one."""
 _BUSY = {Nak.FAIL, Nak.NO_SESSIONS_AVAILABLE, Nak.INVALID_SESSION}
 _CLOSED = {Nak.INVALID_SESSION, Nak.FILE_NOT_FOUND}
@@ -134,18 +134,18 @@ class _StreamRates:
         if self.factor <= 1.0:
             return True
         if is_slowed:
-            self._slowed_s, self._usual_count = now_s, USUAL_COUNT
+            self._slowed_s, self._usual_count = now_s, USUAL_RATE_REQUESTS_COUNT
             self._began_s = now_s if self._began_s is None else self._began_s
-        elif now_s - self._slowed_s > SLOWED_S:
+        elif now_s - self._slowed_s > SLOWED_RATES_S:
             self._began_s = None
         is_fast = self._began_s is not None
         if is_fast is not self._is_fast:
             self._is_fast, self._next_s = is_fast, now_s
         if now_s >= self._next_s and (is_fast or self._usual_count):
-            self._next_s = now_s + AGAIN_S
+            self._next_s = now_s + SLOWED_REQUEST_PERIOD_S
             self._usual_count -= not is_fast
             self._speed_up(self.factor if is_fast else 1.0)
-        return not is_slowed or self._began_s is None or now_s - self._began_s >= FASTER_S
+        return not is_slowed or self._began_s is None or now_s - self._began_s >= SLOWED_READ_S
 
 
 class Ftp(Protocol):
@@ -192,7 +192,7 @@ class Ftp(Protocol):
     def attach(self, target: MessageSource, dialect: Dialect) -> None:
         self.drop("another autopilot was found")
         self._streams.factor = dialect.rates_beside_files
-        self._session = _SESSION if dialect.takes_ftp_session else 0
+        self._session = _SESSION_ID if dialect.takes_ftp_session else 0
         self._link = FtpLink(
             lambda payload: self._send(mavlink.MAVLink_file_transfer_protocol_message(0, *target, payload)),
             self._is_gentle,
@@ -229,7 +229,7 @@ class Ftp(Protocol):
             return
         if self._running is not None:
             self._running.tick(now_s)
-        elif self._file is not None and now_s - self._file.used_s > IDLE_S:
+        elif self._file is not None and now_s - self._file.used_s > IDLE_FILE_S:
             self.run(Future(), self.closed())
 
     def _keep_opened(self, left: _Dialogue[Any]) -> None:
@@ -254,9 +254,9 @@ class Ftp(Protocol):
         """Has an exchange done once it is its turn."""
         if self._link is None:
             futures.fail(future, LinkLostError("no autopilot was found"))
-        elif len(self._waiting) >= MOST_WAITING:
-            text = f"{MOST_WAITING} reads of files wait already, which is the limit"
-            futures.fail(future, ResourceExhaustedError(text, {"limit": str(MOST_WAITING)}))
+        elif len(self._waiting) >= MOST_WAITING_READS:
+            text = f"{MOST_WAITING_READS} reads of files wait already, which is the limit"
+            futures.fail(future, ResourceExhaustedError(text, {"limit": str(MOST_WAITING_READS)}))
         else:
             self._waiting.append(_Dialogue(future, self._link, steps, self._explain))
 
@@ -320,7 +320,7 @@ class Ftp(Protocol):
         if file is not None and file.path == path:
             return file
         yield from self.closed()
-        packet = yield from _exchange(path, Opcode.OPEN_FILE_RO, 0, path.encode(), _SESSION)
+        packet = yield from _exchange(path, Opcode.OPEN_FILE_RO, 0, path.encode(), _SESSION_ID)
         size = int.from_bytes(packet.data[:4], "little")
         self._file = file = OpenFile(path, packet.session, size)
         file.used_s = self._now_s
@@ -355,9 +355,9 @@ def _entry(text: bytes) -> DirectoryEntry | None:
         return DirectoryEntry(name.decode(), None)
     return (
         DirectoryEntry(name.decode(), int(size))
-        if kind == b"F" and size.isdigit() and len(size) <= _LONGEST_SIZE
+        if kind == b"F" and size.isdigit() and len(size) <= _LONGEST_SIZE_DIGITS
         else None
     )
 
 
-_LONGEST_SIZE = 12
+_LONGEST_SIZE_DIGITS = 12

@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 from ual.errors import RejectedByAutopilotError
 
-BLOCK = 239
+BLOCK_BYTES = 239
 """Most data of a message. All reads are of so many bytes: ArduPilot's @PARAM refuses others."""
-SEQUENCES = 2**16
+SEQUENCES_COUNT = 2**16
 _HEADER = struct.Struct("<HBBBBBxI")
-_PAYLOAD = _HEADER.size + BLOCK
+_PAYLOAD = _HEADER.size + BLOCK_BYTES
 
 
 class Opcode(IntEnum):
@@ -84,7 +84,7 @@ def decode(payload: bytes) -> FtpPacket | None:
     """Reads a message's payload; None where its size cannot be."""
     sequence, session, opcode, size, requested, is_complete, offset = _HEADER.unpack_from(payload)
     data = payload[_HEADER.size : _HEADER.size + size]
-    if size > BLOCK:
+    if size > BLOCK_BYTES:
         return None
     return FtpPacket(sequence, session, opcode, size, requested, bool(is_complete), offset, data)
 

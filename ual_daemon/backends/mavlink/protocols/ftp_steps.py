@@ -12,8 +12,8 @@ from typing_extensions import override
 
 from ual.errors import UalError, UalTimeoutError
 from ual_daemon.backends.mavlink.protocols.ftp_packet import (
-    BLOCK,
-    SEQUENCES,
+    BLOCK_BYTES,
+    SEQUENCES_COUNT,
     FtpNakError,
     FtpPacket,
     Nak,
@@ -26,19 +26,19 @@ RETRY_S = 1.0
 """Seconds without an answer after which a request is sent again, ..."""
 TRIES_COUNT = 10
 """... and most attempts."""
-GIVE_UP_S = 15.0
+PROGRESS_TIMEOUT_S = 15.0
 """Seconds without a new block after which the reading of a file ends."""
-WINDOW_BLOCKS = 4
+MOST_REQUESTED_BLOCKS = 4
 """Blocks that are requested at once. ArduPilot queues 5 requests, and drops the others."""
-GENTLE_BYTES_S = 96_000.0
+GENTLE_DOWNLOAD_BYTES_S = 96_000.0
 """Most bytes a second that are requested while armed, and no more than half of what the link carries."""
-QUIET_S = 1.0
+BURST_SILENCE_S = 1.0
 """Seconds without a block after which a burst is over, ..."""
-BURST_LEAST = 8
+LEAST_BURST_BLOCKS = 8
 """... and consecutive blocks for which it is worth while."""
 MOST_BLOCKS = 2048
 """Most blocks that are kept ahead of their time: a burst of ArduPilot has 500, one of PX4 some 150."""
-BURST_SEQUENCES = 1024
+MOST_BURST_SEQUENCES = 1024
 """The sequence numbers that are a burst's. ArduPilot takes a request that has one of its answers for a repetition."""
 
 
@@ -49,11 +49,11 @@ class FtpLink:
         self._send = send
         self.is_gentle = is_gentle
         """Whether it may be flying: then nothing may delay what flies it."""
-        self._sequence = random.randrange(SEQUENCES)  # noqa: S311  no secret: the autopilot may repeat an answer to a daemon of before
+        self._sequence = random.randrange(SEQUENCES_COUNT)  # noqa: S311  no secret: the autopilot may repeat an answer to a daemon of before
 
     def next_sequence(self, room: int = 1) -> int:
         """Returns a number that no answer has yet; `room` are those that its answers may have."""
-        sequence, self._sequence = self._sequence, (self._sequence + room) % SEQUENCES
+        sequence, self._sequence = self._sequence, (self._sequence + room) % SEQUENCES_COUNT
         return sequence
 
     def request(self, sequence: int, opcode: Opcode, session: int, offset: int, data: bytes, size: int) -> None:
@@ -91,11 +91,11 @@ class OpenFile:
 
     def keep(self, offset: int, data: bytes, least: int) -> bool:
         """Keeps a block; `least` is where the reading is. Returns whether it is new."""
-        is_wanted = least - BLOCK < offset < min(self.limit, least + MOST_BLOCKS * BLOCK)
-        if offset % BLOCK or not is_wanted or not data or offset in self.blocks:
+        is_wanted = least - BLOCK_BYTES < offset < min(self.limit, least + MOST_BLOCKS * BLOCK_BYTES)
+        if offset % BLOCK_BYTES or not is_wanted or not data or offset in self.blocks:
             return False
         self.blocks[offset] = data
-        if len(data) < BLOCK:
+        if len(data) < BLOCK_BYTES:
             self.end = min(self.limit, offset + len(data))
         return True
 
@@ -106,7 +106,7 @@ class OpenFile:
             FtpNakError: The burst has ended otherwise than at the end of the file.
 
         """
-        if self.burst is None or (packet.sequence - self.burst - 1) % SEQUENCES >= BURST_SEQUENCES:
+        if self.burst is None or (packet.sequence - self.burst - 1) % SEQUENCES_COUNT >= MOST_BURST_SEQUENCES:
             return False
         is_new = False
         if packet.opcode == Opcode.NAK:
@@ -130,7 +130,7 @@ class OpenFile:
     def drop_before(self, offset: int) -> None:
         """Forgets the blocks that were read; the reading is there now."""
         self.place = offset
-        for each in [each for each in self.blocks if each + BLOCK <= offset]:
+        for each in [each for each in self.blocks if each + BLOCK_BYTES <= offset]:
             del self.blocks[each]
 
 
@@ -187,7 +187,7 @@ class FtpRequest(FtpStep[FtpPacket]):
 
     @override
     def on_packet(self, packet: FtpPacket, now_s: float) -> None:
-        if self._sequence is None or packet.sequence != (self._sequence + 1) % SEQUENCES or self.is_over:
+        if self._sequence is None or packet.sequence != (self._sequence + 1) % SEQUENCES_COUNT or self.is_over:
             return
         if packet.requested != self._opcode:
             self._sequence = None  # an answer of before, which the server repeats for this number: take another one
@@ -229,8 +229,8 @@ class FtpReading(FtpStep[bytes]):
         self._asked = {each: self._asked[each] for each in missing if each in self._asked}
         if not missing:
             self._take()
-        elif now_s - self._new_s > GIVE_UP_S:
-            self.error = UalTimeoutError(f"{file.path}: nothing of it has come for {GIVE_UP_S:g} s")
+        elif now_s - self._new_s > PROGRESS_TIMEOUT_S:
+            self.error = UalTimeoutError(f"{file.path}: nothing of it has come for {PROGRESS_TIMEOUT_S:g} s")
         elif file.burst is not None:
             self._watch_burst(link, now_s)
         elif link.is_gentle():
@@ -259,33 +259,38 @@ class FtpReading(FtpStep[bytes]):
     def _missing(self) -> list[int]:
         """Returns the offsets of the blocks that have not come, in order."""
         end = min(self._offset + self._size, self._file.limit)
-        first = self._offset - self._offset % BLOCK
-        return [each for each in range(first, end, BLOCK) if each not in self._file.blocks]
+        first = self._offset - self._offset % BLOCK_BYTES
+        return [each for each in range(first, end, BLOCK_BYTES) if each not in self._file.blocks]
 
     def _take(self) -> None:
         file, offset = self._file, self._offset
         end = max(offset, min(offset + self._size, file.limit))
-        first = offset - offset % BLOCK
-        data = b"".join(file.blocks[each] for each in range(first, end, BLOCK))
+        first = offset - offset % BLOCK_BYTES
+        data = b"".join(file.blocks[each] for each in range(first, end, BLOCK_BYTES))
         self.result = data[offset - first : end - first]
 
     # --- Bursts -------------------------------------------------------------------------------------------------------
 
     def _begin_burst(self, link: FtpLink, offset: int, now_s: float) -> None:
         file = self._file
-        file.burst, file.burst_s = link.next_sequence(BURST_SEQUENCES), now_s
+        file.burst, file.burst_s = link.next_sequence(MOST_BURST_SEQUENCES), now_s
         file.is_burst_empty = True
-        link.request(file.burst, Opcode.BURST_READ_FILE, file.session, offset, b"", BLOCK)
+        link.request(file.burst, Opcode.BURST_READ_FILE, file.session, offset, b"", BLOCK_BYTES)
 
     def _watch_burst(self, link: FtpLink, now_s: float) -> None:
         file = self._file
-        if now_s - file.burst_s > QUIET_S:
+        if now_s - file.burst_s > BURST_SILENCE_S:
             file.burst = None
         elif link.is_gentle():
             # It is armed: a burst from the end of the file replaces PX4's, and ends at once. ArduPilot ends its own.
             file.burst = None
             link.request(
-                link.next_sequence(BURST_SEQUENCES), Opcode.BURST_READ_FILE, file.session, file.size, b"", BLOCK
+                link.next_sequence(MOST_BURST_SEQUENCES),
+                Opcode.BURST_READ_FILE,
+                file.session,
+                file.size,
+                b"",
+                BLOCK_BYTES,
             )
 
     def _on_burst(self, packet: FtpPacket, now_s: float) -> None:
@@ -304,20 +309,25 @@ class FtpReading(FtpStep[bytes]):
         elif self._group_s is not None and self._asked:
             self._request(link, [each for each in missing if each in self._asked], now_s)
         elif self._group_s is not None:
-            pause_s = max(now_s - self._group_s, WINDOW_BLOCKS * BLOCK / GENTLE_BYTES_S - (now_s - self._group_s))
+            pause_s = max(
+                now_s - self._group_s,
+                MOST_REQUESTED_BLOCKS * BLOCK_BYTES / GENTLE_DOWNLOAD_BYTES_S - (now_s - self._group_s),
+            )
             self._group_s, self._next_s = None, now_s + pause_s
 
     def _request(self, link: FtpLink, missing: list[int], now_s: float) -> None:
-        for offset in missing[:WINDOW_BLOCKS]:
+        for offset in missing[:MOST_REQUESTED_BLOCKS]:
             sequence, asked_s = self._asked.get(offset, (-1, -math.inf))
             if now_s - asked_s < RETRY_S:
                 continue
             sequence = link.next_sequence() if sequence < 0 else sequence
             self._asked[offset] = (sequence, now_s)
-            link.request(sequence, Opcode.READ_FILE, self._file.session, offset, b"", BLOCK)
+            link.request(sequence, Opcode.READ_FILE, self._file.session, offset, b"", BLOCK_BYTES)
 
     def _on_block(self, packet: FtpPacket, now_s: float) -> None:
-        offset = next((at for at, (each, _) in self._asked.items() if packet.sequence == (each + 1) % SEQUENCES), None)
+        offset = next(
+            (at for at, (each, _) in self._asked.items() if packet.sequence == (each + 1) % SEQUENCES_COUNT), None
+        )
         if offset is None:
             return
         if packet.opcode == Opcode.NAK:
@@ -332,7 +342,10 @@ class FtpReading(FtpStep[bytes]):
 
 def _begins_run(missing: list[int]) -> bool:
     """Returns whether so many blocks in a row are missing that a burst is worth while."""
-    return len(missing) >= BURST_LEAST and missing[BURST_LEAST - 1] - missing[0] == (BURST_LEAST - 1) * BLOCK
+    return (
+        len(missing) >= LEAST_BURST_BLOCKS
+        and missing[LEAST_BURST_BLOCKS - 1] - missing[0] == (LEAST_BURST_BLOCKS - 1) * BLOCK_BYTES
+    )
 
 
 class FtpPause(FtpStep[bool]):

@@ -21,15 +21,15 @@ from ual_daemon.backends.offers.gimbals import GimbalAttitude
 
 _log = logging.getLogger(__name__)
 
-LOST_S = 5.0
+LOST_GIMBAL_S = 5.0
 """Seconds of silence after which a gimbal counts as not connected."""
-OLD_S = 1.0
+ATTITUDE_AGE_LIMIT_S = 1.0
 """Seconds after a report for which a gimbal's attitude counts as known, ..."""
 ASK_S, LATER_ASK_S = 2.0, 10.0
-"""... and seconds between two questions for it: at first, and after `SOON_COUNT` times."""
-SOON_COUNT = 10
+"""... and seconds between two questions for it: at first, and after `EARLY_REQUESTS_COUNT` times."""
+EARLY_REQUESTS_COUNT = 10
 ATTITUDE_HZ, STATUS_HZ = 10.0, 2.0
-QUIET_S = 0.7
+LATE_ANSWER_S = 0.7
 """Seconds for which an order waits after one of its kind that was repeated: late answers to that would be taken for its
 own. After one that was sent once and not answered it leaves at once, and is repeated until an answer is surely its own.
 """
@@ -116,7 +116,7 @@ class GimbalLink:
 
     def info(self, now_s: float) -> GimbalInfo:
         """Returns what it is."""
-        identity, is_connected = self.identity, now_s - self.heard_s <= LOST_S
+        identity, is_connected = self.identity, now_s - self.heard_s <= LOST_GIMBAL_S
         if identity is None:
             return GimbalInfo(self.number, self.name, frozenset(), is_connected, note="it has not said what it is")
         roll, pitch, yaw = identity.roll, identity.pitch, identity.yaw
@@ -128,7 +128,7 @@ class GimbalLink:
     def attitude_at(self, now_s: float) -> GimbalAttitude | None:
         """Returns where it looks, if it has said so lately."""
         attitude = self.attitude
-        return attitude if attitude is not None and now_s - attitude.time_s <= OLD_S else None
+        return attitude if attitude is not None and now_s - attitude.time_s <= ATTITUDE_AGE_LIMIT_S else None
 
     @property
     def control(self) -> tuple[GimbalControl | None, str]:
@@ -261,7 +261,7 @@ class GimbalLink:
         self.attitude = None if found is None else GimbalAttitude(*found, now_s)
 
     def _hear(self, now_s: float) -> None:
-        if now_s - self.heard_s > LOST_S and self.heard_s > -math.inf:
+        if now_s - self.heard_s > LOST_GIMBAL_S and self.heard_s > -math.inf:
             _log.info("%s is heard again", self.name)
             self.is_identified, self._controller = False, None
         self.heard_s = now_s
@@ -274,7 +274,7 @@ class GimbalLink:
 
     def tick(self, now_s: float) -> None:
         """Sends what is due; to be called often."""
-        if self.is_busy and now_s - self.heard_s > LOST_S:
+        if self.is_busy and now_s - self.heard_s > LOST_GIMBAL_S:
             silent_s = now_s - self.heard_s
             self.drop(LinkLostError(f"{self.name} is not heard: its last message came {silent_s:.0f} s ago"))
         self._ask(now_s)
@@ -287,9 +287,9 @@ class GimbalLink:
             running.fail(TaskAbortedError(f"a newer order to {self.name} has replaced this one"))
         if running is not None and running.is_over:
             if running.was_repeated:
-                self._quiet_until_s[command_id] = now_s + QUIET_S
+                self._quiet_until_s[command_id] = now_s + LATE_ANSWER_S
             elif running.was_sent and not running.is_answered:
-                self._doubtful_until_s[command_id] = now_s + QUIET_S
+                self._doubtful_until_s[command_id] = now_s + LATE_ANSWER_S
             del self._orders[command_id]
             running = None
         if running is None and now_s >= self._quiet_until_s.get(command_id, -math.inf):
@@ -310,6 +310,6 @@ class GimbalLink:
         self.has_asked = True
         if not self.is_kind_known:
             self._line.read_kind()
-        self._next_ask_s = now_s + (ASK_S if self._asks_count < SOON_COUNT else LATER_ASK_S)
+        self._next_ask_s = now_s + (ASK_S if self._asks_count < EARLY_REQUESTS_COUNT else LATER_ASK_S)
         self._line.stream(_ATTITUDE, ATTITUDE_HZ, now_s)
         self._line.stream(_STATUS, STATUS_HZ, now_s)

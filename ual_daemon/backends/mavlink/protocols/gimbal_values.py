@@ -24,7 +24,7 @@ _ABILITIES = {
     mavlink.GIMBAL_MANAGER_CAP_FLAGS_HAS_RETRACT: {GimbalAbility.RETRACT},
 }
 _ALWAYS = frozenset({GimbalAbility.HORIZON, GimbalAbility.CONTROL})
-LARGEST_LIMIT_RAD = 2.0 * math.pi + 0.01
+LARGEST_ANGLE_RAD = 2.0 * math.pi + 0.01
 """A limit beyond it is none: PX4 1.17 says degrees here."""
 
 
@@ -48,7 +48,7 @@ def identity_of(message: Message) -> GimbalIdentity:
 
 
 def _range(least_rad: float, most_rad: float) -> AngleRange | None:
-    is_possible = -LARGEST_LIMIT_RAD <= least_rad < most_rad <= LARGEST_LIMIT_RAD
+    is_possible = -LARGEST_ANGLE_RAD <= least_rad < most_rad <= LARGEST_ANGLE_RAD
     return AngleRange(least_rad, most_rad) if is_possible else None
 
 

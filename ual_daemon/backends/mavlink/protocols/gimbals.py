@@ -43,7 +43,7 @@ COMPONENTS = frozenset(
     }
 )
 """... and of these their heartbeats, too: they are asked whether they manage one. Others are found by their status."""
-FIRST_ASK_S = 3.0
+FIRST_REQUEST_S = 3.0
 """Seconds after its first message at which a component is queried for its gimbals, ..."""
 ASK_S, ASKS_COUNT = 2.0, 12
 """... and seconds between further questions, and their count: on a link that loses 30 % each way, one in 10,000 is not
@@ -54,9 +54,9 @@ AUTOPILOT_ASKS_COUNT = 3
 LARGEST_ATTACHED_ID = 6
 """Devices up to this id are attached to their manager; the id of another one is its component."""
 MOST_GIMBALS = 12
-MOST_DOUBTED = 32
+MOST_DOUBTED_GIMBALS = 32
 """Most gimbals that are remembered that have reported once, and are not sure to be there."""
-AGAIN_S = 0.5
+QUESTION_PERIOD_S = 0.5
 """Seconds between two questions to a manager whose report is doubted."""
 
 
@@ -208,7 +208,7 @@ class GimbalProtocol(Protocol):
     def _add_sure(self, source: MessageSource, device_id: int, now_s: float) -> GimbalLink | None:
         """Adds one that has said twice that it is there: it keeps its number for good."""
         key = (source, device_id)
-        if key not in self._doubted and len(self._doubted) >= MOST_DOUBTED:
+        if key not in self._doubted and len(self._doubted) >= MOST_DOUBTED_GIMBALS:
             return None
         there = self._doubted.setdefault(key, Agreement(assumed=False, count=2, span_s=0.0))
         if not there.note(True, now_s, is_flying=False):
@@ -224,7 +224,7 @@ class GimbalProtocol(Protocol):
             if not there.is_open:
                 del self._doubted[key]
         if now_s >= self._next_again_s:
-            self._next_again_s = now_s + AGAIN_S
+            self._next_again_s = now_s + QUESTION_PERIOD_S
             doubted = {each.manager for each in self.found if each.is_doubtful}
             for source in sorted({source for source, _ in self._doubted} | doubted):
                 self._request(source, request_message(_INFORMATION), now_s)
@@ -263,7 +263,7 @@ class GimbalProtocol(Protocol):
             return
         if target is None:
             return
-        asked = self._asked.setdefault(component_id, _GimbalQuestions(0, now_s + FIRST_ASK_S))
+        asked = self._asked.setdefault(component_id, _GimbalQuestions(0, now_s + FIRST_REQUEST_S))
         most_count = AUTOPILOT_ASKS_COUNT if component_id == target.component_id else ASKS_COUNT
         if now_s < asked.next_s or asked.asks_count >= most_count or not self._may_ask(component_id):
             return

@@ -29,20 +29,20 @@ _log = logging.getLogger(__name__)
 
 BLOCK = 90
 """The most data that a LOG_DATA has."""
-QUIET_S = 1.0
+DATA_SILENCE_S = 1.0
 """Seconds without new data after which missing data is requested again."""
-GIVE_UP_S = 10.0
+PROGRESS_TIMEOUT_S = 10.0
 """Seconds without new data after which an exchange ends."""
-IDLE_S = 2.0
+IDLE_LOG_S = 2.0
 """Seconds after which the autopilot is told that nothing is wanted any more."""
 MOST_LOGS = 2000
 COUNTS_COUNT = 4
 """Different counts of logs that may be reported while they are listed: one may be added."""
-MOST_WAITING = 100
-GENTLE_BLOCKS = 10
+MOST_WAITING_READS = 100
+MOST_GENTLE_BLOCKS = 10
 """Blocks that are requested at once while it may be flying; then nothing for as long as they took."""
-GENTLE_BYTES_S = 48_000.0
-_LAST = 0xFFFF
+GENTLE_DOWNLOAD_BYTES_S = 48_000.0
+_LAST_ENTRY_ID = 0xFFFF
 
 
 class LogEntry(NamedTuple):
@@ -74,10 +74,10 @@ class _LogExchange(Exchange[T]):
     def tick(self, now_s: float) -> None:
         if math.isnan(self._new_s):
             self._new_s = now_s
-        if now_s - self._new_s > GIVE_UP_S:
+        if now_s - self._new_s > PROGRESS_TIMEOUT_S:
             self.fail(self._requests.explain(self._unanswered(), now_s))
         elif now_s >= self._next_s:
-            self._next_s = now_s + QUIET_S
+            self._next_s = now_s + DATA_SILENCE_S
             self._request(now_s)
 
     def on_entry(self, message: Message, now_s: float) -> None:
@@ -88,7 +88,7 @@ class _LogExchange(Exchange[T]):
 
     def _note_new(self, now_s: float) -> None:
         self.is_answered = True
-        self._new_s, self._next_s = now_s, now_s + QUIET_S
+        self._new_s, self._next_s = now_s, now_s + DATA_SILENCE_S
 
     def _request(self, now_s: float) -> None:
         raise NotImplementedError
@@ -108,7 +108,7 @@ class _Listing(_LogExchange[list[LogEntry]]):
 
     @override
     def tick(self, now_s: float) -> None:
-        if self._found and now_s - self._new_s > GIVE_UP_S:  # else one that never comes would hide all others
+        if self._found and now_s - self._new_s > PROGRESS_TIMEOUT_S:  # else one that never comes would hide all others
             self._end_listed()
         else:
             super().tick(now_s)
@@ -150,7 +150,7 @@ class _Listing(_LogExchange[list[LogEntry]]):
     @override
     def _request(self, now_s: float) -> None:
         missing = self._first_missing()
-        self._requests.entries(missing, _LAST)
+        self._requests.entries(missing, _LAST_ENTRY_ID)
 
     def _first_missing(self) -> int:
         """The first number that has not come."""
@@ -197,7 +197,7 @@ class _LogReading(_LogExchange[bytes]):
             self._next_s = now_s + (self._pause_s(took_s) if self._requests.is_gentle() else 0.0)
 
     def _pause_s(self, took_s: float) -> float:
-        return max(took_s, len(self._run) * BLOCK / GENTLE_BYTES_S - took_s)
+        return max(took_s, len(self._run) * BLOCK / GENTLE_DOWNLOAD_BYTES_S - took_s)
 
     @override
     def _request(self, now_s: float) -> None:
@@ -205,7 +205,7 @@ class _LogReading(_LogExchange[bytes]):
             return
         first = next(iter(self._missing))
         last = first
-        most = GENTLE_BLOCKS if self._requests.is_gentle() else len(self._missing)
+        most = MOST_GENTLE_BLOCKS if self._requests.is_gentle() else len(self._missing)
         while last + BLOCK in self._missing and (last - first) // BLOCK + 1 < most:
             last += BLOCK
         self._run, self._run_s = range(first, last + 1, BLOCK), now_s
@@ -213,7 +213,7 @@ class _LogReading(_LogExchange[bytes]):
 
     @override
     def _unanswered(self) -> UalError:
-        return UalTimeoutError(f"log {self._id}: nothing of it has come for {GIVE_UP_S:g} s")
+        return UalTimeoutError(f"log {self._id}: nothing of it has come for {PROGRESS_TIMEOUT_S:g} s")
 
 
 class LogTransfers(Protocol):
@@ -290,7 +290,7 @@ class LogTransfers(Protocol):
         if self._running is not None:
             self._running.tick(now_s)
             self._used_s = now_s
-        elif self._used_s is not None and now_s - self._used_s > IDLE_S:
+        elif self._used_s is not None and now_s - self._used_s > IDLE_LOG_S:
             self.release()
 
     def list(self, future: Future[list[LogEntry]]) -> None:
@@ -323,9 +323,9 @@ class LogTransfers(Protocol):
     def _add(self, future: Future[T], make: Callable[[_Requests], _LogExchange[T]]) -> None:
         if self._requests is None:
             futures.fail(future, LinkLostError("no autopilot was found"))
-        elif len(self._waiting) >= MOST_WAITING:
-            text = f"{MOST_WAITING} reads of logs wait already, which is the limit"
-            futures.fail(future, ResourceExhaustedError(text, {"limit": str(MOST_WAITING)}))
+        elif len(self._waiting) >= MOST_WAITING_READS:
+            text = f"{MOST_WAITING_READS} reads of logs wait already, which is the limit"
+            futures.fail(future, ResourceExhaustedError(text, {"limit": str(MOST_WAITING_READS)}))
         else:
             self._waiting.append(make(self._requests))
 

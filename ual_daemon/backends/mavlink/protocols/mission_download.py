@@ -16,7 +16,7 @@ from ual_daemon.backends.mavlink.protocols.mission_exchange import (
     ACCEPTED,
     CANCELLED,
     PASSING,
-    PAUSE_S,
+    RESTART_PAUSE_S,
     MissionExchange,
 )
 from ual_daemon.backends.mavlink.protocols.mission_sender import MissionSender, item_of
@@ -29,7 +29,7 @@ TRIES_COUNT = 6
 have ended PX4's transfer, and its word of it was lost.
 """
 
-FIRST_PAUSE_S = 0.2
+FIRST_RESTART_PAUSE_S = 0.2
 """The first time from a refusal to the next attempt; each further one is twice as long. Amid an upload of another
 station ArduPilot refuses a download, and what that has brought is to be known within a second."""
 
@@ -82,7 +82,7 @@ class MissionDownload(MissionExchange[MissionList]):
     @property
     @override
     def _pause_s(self) -> float:
-        return min(PAUSE_S, FIRST_PAUSE_S * 2.0**self._attempts_count)
+        return min(RESTART_PAUSE_S, FIRST_RESTART_PAUSE_S * 2.0**self._attempts_count)
 
     @property
     @override

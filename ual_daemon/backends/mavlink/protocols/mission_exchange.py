@@ -23,15 +23,15 @@ T = TypeVar("T")
 
 RETRY_S = 0.6
 """Seconds without an answer after which a message is sent again."""
-GIVE_UP_S = 15.0
+PROGRESS_TIMEOUT_S = 15.0
 """Seconds without progress after which a transfer is given up; longer than another station's abandoned transfer
 lasts.
 """
-PAUSE_S = 1.0
+RESTART_PAUSE_S = 1.0
 """The time from a refusal that may pass to the next attempt. PX4 asks again for an item after 0.25 s, ArduPilot after
 1 s. A request that comes meanwhile is answered, and the transfer goes on."""
 ATTEMPTS_COUNT = 20
-LONGEST_S = 600.0
+LONGEST_TRANSFER_S = 600.0
 """Seconds after which an exchange is given up in any case."""
 
 ACCEPTED, CANCELLED = mavlink.MAV_MISSION_ACCEPTED, mavlink.MAV_MISSION_OPERATION_CANCELLED
@@ -82,7 +82,7 @@ class MissionExchange(MissionTaker[T]):
             self._began_s = self._further_s = now_s
         elif now_s < self._next_s:
             return
-        if now_s - self._further_s >= GIVE_UP_S or now_s - self._began_s >= LONGEST_S:
+        if now_s - self._further_s >= PROGRESS_TIMEOUT_S or now_s - self._began_s >= LONGEST_TRANSFER_S:
             self._give_up(now_s)
             return
         if self._is_paused:
@@ -116,7 +116,7 @@ class MissionExchange(MissionTaker[T]):
     @property
     def _pause_s(self) -> float:
         """Seconds until the next attempt."""
-        return PAUSE_S
+        return RESTART_PAUSE_S
 
     @property
     def _is_answered(self) -> bool:

@@ -22,7 +22,7 @@ from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.offers.parameters import Refusal
 
-MOST_WAITING = 20
+MOST_WAITING_TRANSFERS = 20
 """Transfers that may wait for their turn."""
 
 
@@ -128,9 +128,9 @@ class MissionTransfers(Protocol):
         elif self._refused_name:
             text = f"UAL does not transfer the {kind.text} of {self._refused_name}"
             futures.fail(future, NotSupportedError(text))
-        elif len(self._waiting) >= MOST_WAITING:
-            text = f"{MOST_WAITING} transfers with the autopilot wait already, which is the limit"
-            futures.fail(future, ResourceExhaustedError(text, {"limit": str(MOST_WAITING)}))
+        elif len(self._waiting) >= MOST_WAITING_TRANSFERS:
+            text = f"{MOST_WAITING_TRANSFERS} transfers with the autopilot wait already, which is the limit"
+            futures.fail(future, ResourceExhaustedError(text, {"limit": str(MOST_WAITING_TRANSFERS)}))
         else:
             line = MissionSender(self._send, self._is_up, self._target, kind)
             self._waiting.append(_TransferRequest(kind, make(line), changes))

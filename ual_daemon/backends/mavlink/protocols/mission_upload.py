@@ -28,7 +28,7 @@ from ual_daemon.backends.offers.parameters import Refusal
 
 NO_SPACE = mavlink.MAV_MISSION_NO_SPACE
 FULL_COUNT = 5
-"""Consecutive refusals for lack of room, one each `PAUSE_S`, that count as a boot's. ArduPilot boots in 2 s."""
+"""Consecutive refusals for lack of room, one each `RESTART_PAUSE_S`, that count as a boot's. ArduPilot boots in 2 s."""
 
 
 class MissionChange(MissionExchange[int]):

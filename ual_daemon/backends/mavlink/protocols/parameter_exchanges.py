@@ -34,11 +34,11 @@ CONTRARY_COUNT = 3
 before.
 """
 LIST_RETRY_S = 2.0
-QUIET_S = 1.0
+LIST_SILENCE_S = 1.0
 """Seconds without a new value of the list after which missing ones are requested one by one, ..."""
-WINDOW_REQUESTS = 10
+MOST_PENDING_REQUESTS = 10
 """... and most requests at a time. ArduPilot queues 20 requests, and drops the others."""
-GIVE_UP_S = 10.0
+PROGRESS_TIMEOUT_S = 10.0
 """Seconds without a new value after which the list ends without the missing ones."""
 LONGEST_LIST_S = 600.0
 MOST_PARAMETERS = 10_000
@@ -242,11 +242,11 @@ class Listing(ParameterExchange[list[Parameter]]):
     def tick(self, now_s: float) -> None:
         if self._began_s is None:
             self._began_s = self._new_s = self._next_s = now_s
-        if now_s - self._new_s > GIVE_UP_S or now_s - self._began_s > LONGEST_LIST_S:
+        if now_s - self._new_s > PROGRESS_TIMEOUT_S or now_s - self._began_s > LONGEST_LIST_S:
             self.fail(self._requests.explain(self._incomplete(), "", now_s))
         elif self._count is None:
             self._request_list(now_s)
-        elif self._is_filling or now_s - self._new_s >= QUIET_S:
+        elif self._is_filling or now_s - self._new_s >= LIST_SILENCE_S:
             self._is_filling = True
             self._request_missing(now_s)
 
@@ -294,7 +294,7 @@ class Listing(ParameterExchange[list[Parameter]]):
     def _request_missing(self, now_s: float) -> None:
         missing = [index for index in range(self._count or 0) if index not in self._found]
         due = [index for index in missing if now_s - self._asked_s.get(index, -RETRY_S) >= RETRY_S]
-        room = WINDOW_REQUESTS - (len(missing) - len(due))
+        room = MOST_PENDING_REQUESTS - (len(missing) - len(due))
         for index in due[: max(0, room)]:
             self._asked_s[index] = now_s
             self._requests.read_index(index)

@@ -38,7 +38,7 @@ from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.offers.parameters import Refusal
 
 LONGEST_NAME_CHARACTERS = 16
-MOST_WAITING = 100
+MOST_WAITING_EXCHANGES = 100
 """Exchanges that may wait for their turn."""
 
 
@@ -151,9 +151,9 @@ class ParameterTransfers(Protocol):
             text = f"name: {name!r:.80} is none that MAVLink has: they have up to {LONGEST_NAME_CHARACTERS} letters"
             futures.fail(future, InvalidArgumentError(text, {"field": "name"}))
             return
-        if len(self._waiting) >= MOST_WAITING:
-            text = f"{MOST_WAITING} reads and writes of parameters wait already, which is the limit"
-            futures.fail(future, ResourceExhaustedError(text, {"limit": str(MOST_WAITING)}))
+        if len(self._waiting) >= MOST_WAITING_EXCHANGES:
+            text = f"{MOST_WAITING_EXCHANGES} reads and writes of parameters wait already, which is the limit"
+            futures.fail(future, ResourceExhaustedError(text, {"limit": str(MOST_WAITING_EXCHANGES)}))
             return
         self._waiting.append(make(requests))
 

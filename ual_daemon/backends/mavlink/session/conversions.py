@@ -24,8 +24,8 @@ _FIX = {
     mavlink.GPS_FIX_TYPE_STATIC: GpsFix.FIX_3D,
     mavlink.GPS_FIX_TYPE_PPP: GpsFix.FIX_3D,
 }
-_UNKNOWN_U16 = 0xFFFF
-_UNKNOWN_U8 = 0xFF
+_UNKNOWN_U16_CODE = 0xFFFF
+_UNKNOWN_U8_CODE = 0xFF
 
 
 def milli(value: int) -> float:
@@ -48,7 +48,7 @@ def battery(message: Message) -> Battery | None:
     voltage, current, remaining = message.voltage_battery, message.current_battery, message.battery_remaining
     found = Battery(
         remaining_percent=None if remaining < 0 else float(remaining),
-        voltage_v=None if voltage in (0, _UNKNOWN_U16) else milli(voltage),  # 0 from ArduPilot without a monitor
+        voltage_v=None if voltage in (0, _UNKNOWN_U16_CODE) else milli(voltage),  # 0 from ArduPilot without a monitor
         current_a=None if current < 0 else current / 100.0,  # unknown: -1 in MAVLink, -100 from PX4
     )
     return None if found == Battery() else found
@@ -56,7 +56,7 @@ def battery(message: Message) -> Battery | None:
 
 def battery_status(message: Message) -> Battery:
     """Returns the battery of a BATTERY_STATUS: the sum of its cells, where they are reported."""
-    cells = [each for each in message.voltages if each != _UNKNOWN_U16]
+    cells = [each for each in message.voltages if each != _UNKNOWN_U16_CODE]
     millivolts = sum(cells) + sum(getattr(message, "voltages_ext", ()))  # the latter are 0 where there are no more
     current, remaining = message.current_battery, message.battery_remaining
     return Battery(
@@ -73,7 +73,7 @@ def gps_info(message: Message) -> GpsInfo:
     satellites_count = message.satellites_visible
     return GpsInfo(
         _FIX.get(message.fix_type, GpsFix.NONE),
-        satellites_count=None if satellites_count in (0, _UNKNOWN_U8) else satellites_count,
+        satellites_count=None if satellites_count in (0, _UNKNOWN_U8_CODE) else satellites_count,
         horizontal_accuracy_m=milli(message.h_acc) or None,  # 0 where it is not known
         vertical_accuracy_m=milli(message.v_acc) or None,
     )

@@ -21,7 +21,7 @@ from ual_daemon.backends.mavlink.protocols.gimbals import GimbalServices
 from ual_daemon.backends.mavlink.protocols.protocols import Protocols
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import OWN_HEARTBEAT_S, own_heartbeat
 from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
-from ual_daemon.backends.mavlink.session.session import ALL_SYSTEMS, MavlinkSession, Successor
+from ual_daemon.backends.mavlink.session.session import ALL_SYSTEMS_ID, MavlinkSession, Successor
 from ual_daemon.backends.mavlink.session.shape import Shape
 from ual_daemon.backends.mavlink.session.supervision import LinkCounts, LinkStatistics
 from ual_daemon.backends.mavlink.settings import SECTION, MavlinkSettings
@@ -30,13 +30,13 @@ from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
 from ual_daemon.backends.mavlink.wire.receiver import Receiver, Selector, source_text
 from ual_daemon.backends.mavlink.wire.sender import Sender
 from ual_daemon.backends.mavlink.wire.signing import Signer
-from ual_daemon.backends.mavlink.wire.untaken import LASTS_S
+from ual_daemon.backends.mavlink.wire.untaken import LASTING_NOTE_S
 
 _log = logging.getLogger(__name__)
 
 _MOST_OTHERS = 8
 """Most other autopilots, and most reasons why nothing is taken, that are named in the log."""
-ODD_WAIT_S = 1.5
+ODD_AUTOPILOT_WAIT_S = 1.5
 """Seconds without an autopilot of usual ids after which one with odd ids (system 0, or not component 1) is taken. A
 heartbeat comes each second.
 """
@@ -195,9 +195,9 @@ class Discovery(Selector):
         if self._is_odd(source):
             why = "waiting for an autopilot with usual ids"
             untaken.note(source, _heartbeat_text(source, kind, address, why), now_s)
-            if untaken.lasts_s(source, now_s) < ODD_WAIT_S:
+            if untaken.lasts_s(source, now_s) < ODD_AUTOPILOT_WAIT_S:
                 return None
-        is_addressable = source.system_id != ALL_SYSTEMS
+        is_addressable = source.system_id != ALL_SYSTEMS_ID
         if is_addressable:
             self.sender.join(source.system_id)
         return self._open_session(source, kind, dialect_of(kind, is_addressable=is_addressable), address)
@@ -251,12 +251,12 @@ class Discovery(Selector):
     def _is_odd(self, source: MessageSource) -> bool:
         """Returns whether it has ids that an autopilot seldom has, and that were not chosen."""
         is_usual = source.component_id == _AUTOPILOT or self._settings.autopilot_component_id is not None
-        return source.system_id == ALL_SYSTEMS or not is_usual
+        return source.system_id == ALL_SYSTEMS_ID or not is_usual
 
     def _why_not(self, source: MessageSource, kind: HeartbeatKind) -> str:
         """Returns, human-readable, why the sender of a heartbeat may not be selected; empty if it may."""
         only, only_component = self._settings.system_id, self._settings.autopilot_component_id
-        is_named = kind.names_firmware or source.system_id == ALL_SYSTEMS
+        is_named = kind.names_firmware or source.system_id == ALL_SYSTEMS_ID
         if not kind.is_autopilot:
             return "no autopilot"
         if only not in (None, source.system_id):
@@ -275,14 +275,14 @@ class Discovery(Selector):
         if watch.state not in _UNHEARD or len(told) >= _MOST_OTHERS:
             return
         since_s = -math.inf if watch.heard_s is None else watch.heard_s
-        heard = self.receiver.untaken.text(now_s, since_s, lasts_s=LASTS_S)
+        heard = self.receiver.untaken.text(now_s, since_s, lasts_s=LASTING_NOTE_S)
         if heard and heard not in told:
             told.add(heard)
             logs.event(_log, logging.WARNING, "no_autopilot", url=self._url, heard=heard)
 
     def _replace_session(self, source: MessageSource, successor: Successor) -> None:
         """Opens the session again, as the vehicle is another one than its heartbeats said, or than was there before."""
-        dialect = dialect_of(successor.kind, is_addressable=source.system_id != ALL_SYSTEMS)
+        dialect = dialect_of(successor.kind, is_addressable=source.system_id != ALL_SYSTEMS_ID)
         session = self._open_session(source, successor.heartbeats_kind, dialect, None, successor.shape)
         self.receiver.replace_handler(session)
 

@@ -14,13 +14,13 @@ _log = logging.getLogger(__name__)
 
 CONFLICT_S = 5.0
 """A conflict is over once nothing has shown it for this long."""
-REPLACED_S = 2.5
+REPLACED_AUTOPILOT_S = 2.5
 """A vehicle of which no heartbeat comes has been replaced by another kind whose heartbeats come for this long."""
-ENDED_S = 5.0
+ENDED_AUTOPILOT_S = 5.0
 """Seconds without a heartbeat after which a vehicle needs no such proof to be replaced."""
 BOOT_CLOCK_S = 1.0
 """Times since boot that differ by more are of different boots; jitter and late messages make less."""
-SAME_COUNTER = 16
+MOST_COUNTER_STEPS = 16
 """Sequence numbers that differ by no more are taken for those of one counter: two ways to one vehicle carry its numbers
 twice, or out of order."""
 _UNTIL = "give each vehicle an id of its own; until then UAL flies none of them"
@@ -47,7 +47,7 @@ class VehicleIdentity:
         self._is_calm = False
         """Whether nothing has shown another vehicle of late. Not at first: the verdicts note when they begin."""
         self._heartbeats_count = 0
-        self._kind = Agreement(kind, span_s=REPLACED_S, ended_s=ENDED_S)
+        self._kind = Agreement(kind, span_s=REPLACED_AUTOPILOT_S, ended_s=ENDED_AUTOPILOT_S)
         self._system_id = system_id
         self._own_heartbeat_s = -math.inf
         self._offsets_s: tuple[float, float] | None = None
@@ -74,7 +74,7 @@ class VehicleIdentity:
         if kind == own:
             self._own_heartbeat_s = now_s
             self._heartbeats_count += 1
-        elif now_s - self._own_heartbeat_s <= REPLACED_S:
+        elif now_s - self._own_heartbeat_s <= REPLACED_AUTOPILOT_S:
             why = f"{kind_text(own)} and {kind_text(kind)} send as system {self._system_id}"
             self._show(self._kinds, why, now_s)
         self._is_calm = self._is_calm and kind == own
@@ -108,7 +108,7 @@ class VehicleIdentity:
             return
         step = (sequence - last) % 256
         self._addresses = (address, current)
-        if address == before and not min(step, 256 - step) <= SAME_COUNTER:
+        if address == before and not min(step, 256 - step) <= MOST_COUNTER_STEPS:
             where = " and ".join(f"{each[0]}:{each[1]}" for each in (current, address) if each is not None)
             why = f"two vehicles (at {where}) send as system {self._system_id}"
             self._show(self._addresses_used, why, now_s)

@@ -9,13 +9,13 @@ from typing import Any
 from ual_daemon.backends.engine.readings import Reading
 from ual_daemon.backends.values import NEVER_S
 
-LATE_SHARE = 0.4
+LATE_TIME_SHARE = 0.4
 """A message is late once this part of its time has passed: what it said is believed for the whole of it."""
 REQUEST_S = 0.1
 """Seconds between two requests for late messages. On a link that loses 40 % each way, 14 requests bring one back in
 99.9 %.
 """
-HEARD_S = 0.5
+RECENT_CONTACT_S = 0.5
 """Seconds of silence after which nothing is requested from an autopilot: its link is silent."""
 
 
@@ -28,12 +28,12 @@ class LateMessages:
     """
 
     def __init__(self, limits_s: Mapping[int, tuple[Reading[Any], float]]) -> None:
-        self._late_s = [(each, reading, LATE_SHARE * limit_s) for each, (reading, limit_s) in limits_s.items()]
+        self._late_s = [(each, reading, LATE_TIME_SHARE * limit_s) for each, (reading, limit_s) in limits_s.items()]
         self._next_s = -math.inf
 
     def due(self, now_s: float, heard_s: float | None) -> list[int]:
         """Returns the ids of what is to be requested now. `heard_s` is when the autopilot was last heard."""
-        if now_s < self._next_s or heard_s is None or now_s - heard_s > HEARD_S:
+        if now_s < self._next_s or heard_s is None or now_s - heard_s > RECENT_CONTACT_S:
             return []
         late = [each for each, reading, late_s in self._late_s if _is_late(reading, late_s, now_s)]
         if late:

@@ -10,7 +10,7 @@ import math
 
 HIGH_LOSS, LEFT_LOSS = 0.3, 0.1
 """Share of lost messages from which less is requested, and the share that counts once that has helped."""
-LASTS_S = 10.0
+LOSS_DURATION_S = 10.0
 """Seconds over which the loss is measured: a change shows after this time, and a loss must have lasted for it."""
 HELPS_FACTOR, HELPS_LOSS = 1.25, 0.67
 """A try has helped if the part that arrives has grown by this factor at least, or the part that is lost has fallen by
@@ -21,7 +21,7 @@ LOW_LOSS, GROW_S = 0.05, 60.0
 """Share of lost messages below which more is requested again, while it is disarmed, and seconds for which it must last;
 these double each time, too.
 """
-MOST = 4
+HIGHEST_LEVEL = 4
 """The highest level; see `RateFit.level`."""
 
 
@@ -66,7 +66,7 @@ class RateFit:
         before = self.level
         if self._try is not None:
             self._judge(*self._try, now_s)
-        elif now_s - self._high_since_s >= LASTS_S and now_s >= self._retry_s and self.level < MOST:
+        elif now_s - self._high_since_s >= LOSS_DURATION_S and now_s >= self._retry_s and self.level < HIGHEST_LEVEL:
             self._try = (self.level, loss, now_s)
             self.level = max(self.level + 1, 1 if has_unused else 2)
         elif now_s - self._low_since_s >= self._grow_s and self.level and not is_armed:
@@ -76,7 +76,7 @@ class RateFit:
         return self.level != before
 
     def _judge(self, level: int, loss: float, begun_s: float, now_s: float) -> None:
-        if now_s - begun_s <= LASTS_S + 1.0:
+        if now_s - begun_s <= LOSS_DURATION_S + 1.0:
             return
         self._try = None
         if 1.0 - self.loss < HELPS_FACTOR * (1.0 - loss) and self.loss > HELPS_LOSS * loss:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 _SEQUENCES, _LATE_FROM = 256, 128
-LATE_COUNT = 128
+LATE_FRAMES_COUNT = 128
 """A number that is at most this much behind the newest is of a late or doubled frame; a larger distance is a gap the
 other way round. A jitter of 0.2 s reorders some 100 of PX4's messages."""
 
@@ -62,14 +62,14 @@ class SequenceGaps:
             self._newest = sequence
             return 0
         step = (sequence - self._newest) % _SEQUENCES
-        if step == 0 or step >= _SEQUENCES - LATE_COUNT:
+        if step == 0 or step >= _SEQUENCES - LATE_FRAMES_COUNT:
             if sequence not in self._missing:
                 return 0  # twice
             self._missing.remove(sequence)
             return -1
         self._newest = sequence
         # Numbers that this step has passed after a wrap are missing again; those too old to still come are forgotten.
-        self._missing = {each for each in self._missing if 0 < (sequence - each) % _SEQUENCES <= LATE_COUNT}
+        self._missing = {each for each in self._missing if 0 < (sequence - each) % _SEQUENCES <= LATE_FRAMES_COUNT}
         gap = [(sequence - back) % _SEQUENCES for back in range(1, step)]
-        self._missing.update(gap[:LATE_COUNT])
+        self._missing.update(gap[:LATE_FRAMES_COUNT])
         return len(gap)

@@ -14,7 +14,7 @@ from ual_daemon import logs
 from ual_daemon.backends.engine.agreement import AirborneWatch
 from ual_daemon.backends.engine.command import FLYING, Verdict
 from ual_daemon.backends.engine.command_runner import CommandContext, CommandRunner
-from ual_daemon.backends.engine.limits import ANEW_S
+from ual_daemon.backends.engine.limits import RESTART_SILENCE_S
 from ual_daemon.backends.engine.link_watch import LinkWatchState
 from ual_daemon.backends.engine.severe_texts import SevereTexts
 from ual_daemon.backends.firmwares.autopilot import SimulationVerdict, assumed_text, assumption_text
@@ -26,7 +26,7 @@ from ual_daemon.backends.firmwares.sender_watch import SenderWatch
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.dialects.axes import ned_to_enu
 from ual_daemon.backends.mavlink.dialects.command_long import (
-    LEAST_RATE_HZ,
+    LEAST_STREAM_RATE_HZ,
     CommandLong,
     LongCommand,
     default_interval,
@@ -77,9 +77,9 @@ UNUSED_RATE_HZ = 1.0
 """Rate in Hz at which a message that UAL does not use may come on a link that is overrun. Others on the link may use
 it.
 """
-PACE_S = 0.1
+REQUEST_PACE_S = 0.1
 """The interval of requests that leave whatever the answers are."""
-ALL_SYSTEMS = 0
+ALL_SYSTEMS_ID = 0
 """The system id that addresses every vehicle: nothing is sent to it."""
 VERSION_S = 0.5
 """Seconds between two requests for the version while it is doubted."""
@@ -523,7 +523,7 @@ class MavlinkSession:
         heard_s, attitude_s = self.telemetry.heard_s, self.telemetry.attitude_time_s
         if heard_s is None or attitude_s is None or now_s < self._next_setup_s:
             return False
-        return now_s - heard_s < ANEW_S < heard_s - attitude_s
+        return now_s - heard_s < RESTART_SILENCE_S < heard_s - attitude_s
 
     def _on_ack(self, message: Message, now_s: float, _: float) -> None:
         if (message.target_system, message.target_component) in (self._own_ids, (0, 0)):
@@ -638,13 +638,13 @@ class MavlinkSession:
 
     def _send_paced(self, now_s: float) -> None:
         if self._paced and now_s >= self._next_paced_s:
-            self._next_paced_s = now_s + PACE_S
+            self._next_paced_s = now_s + REQUEST_PACE_S
             self._sender.send(self._paced.popleft())
 
     @property
     def _position_rate_hz(self) -> float:
         """Requested rate of the position."""
-        return max(LEAST_RATE_HZ, self._pose_rate_hz * self._fit.share)
+        return max(LEAST_STREAM_RATE_HZ, self._pose_rate_hz * self._fit.share)
 
     def _streams(self) -> list[LongCommand]:
         """The requests for all streams, at the rates that the link carries."""
@@ -654,7 +654,7 @@ class MavlinkSession:
         usual = {round(each.request.params[0]): each for each in (*slow_streams(), *streams)}
         target = mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED
         if target in usual:
-            usual[target] = target_stream(LEAST_RATE_HZ)  # the pose goes first
+            usual[target] = target_stream(LEAST_STREAM_RATE_HZ)  # the pose goes first
         return [slower(each, self._fit.share) for each in usual.values()]
 
     @property
@@ -728,7 +728,7 @@ class MavlinkSession:
         self._transmit(command.request, 0)
 
     def _transmit(self, request: CommandLong, sent_before_count: int, _: object = None) -> None:
-        if self.system_id != ALL_SYSTEMS:
+        if self.system_id != ALL_SYSTEMS_ID:
             self._sender.send(request.encode(self.source, sent_before_count))
 
     def _request_parameter(self, name: str) -> None:

@@ -14,7 +14,7 @@ from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 
 _log = logging.getLogger(__name__)
 
-ASK_S = 0.5
+PARAMETER_REQUEST_S = 0.5
 """Seconds between two reads of a parameter that only planes have, while it is not sure that it is there."""
 SEEN_S, ENDS_S = 2.0, 10.0
 """Seconds between two reads while the verdict stands, and seconds without an answer after which that ends."""
@@ -76,7 +76,7 @@ class Shape:
         self._is_calm = not any(each.is_open or each.value for each in (self._state, self._parameter))
         is_asked = self._parameter.is_open or self._parameter.value
         if is_asked and now_s >= self._next_s:
-            self._next_s = now_s + (SEEN_S if self._parameter.value else ASK_S)
+            self._next_s = now_s + (SEEN_S if self._parameter.value else PARAMETER_REQUEST_S)
             self.read(self._name)
         doubt, self._doubt = self._doubt, self.doubt
         if self._doubt and not doubt:

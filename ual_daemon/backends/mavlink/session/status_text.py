@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ual_daemon.backends.mavlink.wire.messages import Message
 
-_PART_LENGTH = 50
+_PART_CHARACTERS = 50
 
 
 class StatusText:
@@ -20,4 +20,4 @@ class StatusText:
         part, last = (message.id, message.chunk_seq), self._open_part
         follows = message.id and last is not None and part == (last[0], last[1] + 1)
         self.text = self.text + message.text if follows else message.text
-        self._open_part = part if len(message.text) == _PART_LENGTH else None
+        self._open_part = part if len(message.text) == _PART_CHARACTERS else None

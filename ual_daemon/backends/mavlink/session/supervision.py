@@ -7,19 +7,19 @@ from collections import deque
 from dataclasses import dataclass
 
 from ual_daemon.backends.engine.link_watch import LinkWatch, LinkWatchState
-from ual_daemon.backends.mavlink.session.sequence import LATE_COUNT, SequenceGaps
+from ual_daemon.backends.mavlink.session.sequence import LATE_FRAMES_COUNT, SequenceGaps
 from ual_daemon.backends.mavlink.session.timesync import Timesync
 
 _CONNECTED = LinkWatchState.CONNECTED
-WINDOW_S = 10.0
+QUALITY_WINDOW_S = 10.0
 """Seconds over which rate and loss are measured."""
-_SHORT_SILENCE_S = 0.1
+_SHORT_LINK_SILENCE_S = 0.1
 """Sequence numbers cannot wrap within this time: the link carries fewer than 256 messages in it."""
 
 
 @dataclass(frozen=True, slots=True)
 class LinkStatistics:
-    """Statistics of the link: of the last `WINDOW_S`, or counts since the start.
+    """Statistics of the link: of the last `QUALITY_WINDOW_S`, or counts since the start.
 
     `rate_hz` is the autopilot's messages per second, and `loss` the part of its messages that did not arrive (0 to 1).
     `round_trip_s` is the newest one measured by TIMESYNC (None: not measured). Counted are pieces that belong to no
@@ -68,7 +68,7 @@ class LinkCounts:
         """Takes note of a frame of the autopilot."""
         watch, gaps = self.watch, self._gaps
         heard_s = watch.heard_s
-        if heard_s is not None and now_s - heard_s <= _SHORT_SILENCE_S and watch.state is _CONNECTED:
+        if heard_s is not None and now_s - heard_s <= _SHORT_LINK_SILENCE_S and watch.state is _CONNECTED:
             watch.heard_s, silence_s = now_s, 0.0  # as `on_message` does, without a call
             if sequence == gaps.next and now_s < self._counted_until_s:  # nearly always
                 gaps.next = sequence + 1 & 0xFF
@@ -76,12 +76,12 @@ class LinkCounts:
                 return
         else:
             silence_s = watch.on_message(now_s)
-        if silence_s > _SHORT_SILENCE_S and silence_s * self._rate_hz(now_s - silence_s) > LATE_COUNT:
+        if silence_s > _SHORT_LINK_SILENCE_S and silence_s * self._rate_hz(now_s - silence_s) > LATE_FRAMES_COUNT:
             self._gaps = SequenceGaps()  # the numbers may have wrapped: they do not show what was lost
         if now_s >= self._counted_until_s:
             self._second, self._counted_until_s = _Second(now_s), now_s + 1.0
             self._seconds.append(self._second)
-            while now_s - self._seconds[0].since_s > WINDOW_S:
+            while now_s - self._seconds[0].since_s > QUALITY_WINDOW_S:
                 self._seconds.popleft()
         newest = self._second
         newest.received_count += 1
@@ -115,7 +115,7 @@ class LinkCounts:
         return self.statistics(now_s).loss
 
     def _in_window(self, now_s: float) -> list[_Second]:
-        return [each for each in list(self._seconds) if now_s - each.since_s <= WINDOW_S]
+        return [each for each in list(self._seconds) if now_s - each.since_s <= QUALITY_WINDOW_S]
 
     def _rate_hz(self, now_s: float) -> float:
         seconds = self._in_window(now_s)

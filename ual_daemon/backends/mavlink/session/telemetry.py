@@ -54,9 +54,9 @@ ATTITUDE_LIMIT_S = 0.5
 """A position is a pose only with an attitude that is not older than this."""
 GEO_LIMIT_S = 1.5
 """A position on Earth that is older than this is left out; all autopilots send it at 5 Hz or more."""
-LATE_S = 0.3
+LATE_MESSAGE_S = 0.3
 """A jitter of this much reorders messages."""
-OLDEST_S = 3.0
+LONGEST_REORDERING_S = 3.0
 """Seconds for which a message with an earlier sequence number is ignored; after that the numbers must be wrong."""
 
 
@@ -81,7 +81,7 @@ class AutopilotTelemetry:
         self._clock_offset = ClockOffset()
         self.heard_s: float | None = None
         """Time of its last frame."""
-        self._sequence = SequenceUnwrapper(LATE_S)
+        self._sequence = SequenceUnwrapper(LATE_MESSAGE_S)
         self._stamp_s = self._measured_s = 0.0
         readings = self._readings = Readings()
         # Where a landed state is sure to come, its absence must not be taken for flying.
@@ -165,7 +165,7 @@ class AutopilotTelemetry:
         self._readings.discard_boot()
         self._gps = None if self._gps is None else GpsInfo(GpsFix.NONE)
         self._clock_offset = ClockOffset()
-        self._sequence = SequenceUnwrapper(LATE_S)
+        self._sequence = SequenceUnwrapper(LATE_MESSAGE_S)
         self.message_counts.clear()
         self.mode_names.forget()
         self.parameters.clear()

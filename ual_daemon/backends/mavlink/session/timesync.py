@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-INTERVAL_S = 1.0
+REQUEST_INTERVAL_S = 1.0
 _ANSWER_LIMIT_S = 5.0
 """An answer that is later than this is not a measurement."""
 
@@ -20,7 +20,7 @@ class Timesync:
         """Returns the time to send in a request when one is due, else None."""
         if now_s < self._next_s:
             return None
-        self._next_s = now_s + INTERVAL_S
+        self._next_s = now_s + REQUEST_INTERVAL_S
         requested_ns = max(1, round(now_s * 1e9))
         oldest_ns = requested_ns - round(_ANSWER_LIMIT_S * 1e9)
         self._requested_ns = {

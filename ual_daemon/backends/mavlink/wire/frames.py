@@ -18,7 +18,7 @@ _read_header = struct.Struct("<HBxBHHB").unpack_from
 """Of MAVLink 2: magic and length, flags, sequence, system and component, and the id in two parts."""
 _seed_of, _crc = checksum.seed_of, checksum.crc
 _CHECKSUM, _SIGNATURE = 2, 13
-_SIGNED = 0x01
+_SIGNED_FLAG = 0x01
 
 
 def _any_byte(values: set[int]) -> bytes:
@@ -49,7 +49,7 @@ WORK_PER_S = 400_000
 """Most work per second: a line of 921,600 baud that carries damaged frames only pays this. A byte that is searched
 counts as 1. A flood must not take the thread from flying.
 """
-SAVED_S = 0.25
+SAVED_BUDGET_S = 0.25
 """Seconds of work that may be saved up."""
 MOST_SOURCES = 8
 """Most sources of which the beginnings of frames are kept; a new one replaces the source that was received least
@@ -117,9 +117,9 @@ class FrameReader:
     def refill(self, now_s: float) -> None:
         """Tells the time, for the limit on the work in a second; to be called before bytes are read."""
         if self._refilled_s is None:
-            self._budget = WORK_PER_S * SAVED_S
-        elif self._budget < WORK_PER_S * SAVED_S:
-            self._budget = min(self._budget + WORK_PER_S * (now_s - self._refilled_s), WORK_PER_S * SAVED_S)
+            self._budget = WORK_PER_S * SAVED_BUDGET_S
+        elif self._budget < WORK_PER_S * SAVED_BUDGET_S:
+            self._budget = min(self._budget + WORK_PER_S * (now_s - self._refilled_s), WORK_PER_S * SAVED_BUDGET_S)
         self._refilled_s = now_s
 
     def feed(self, data: bytes) -> list[MavlinkFrame]:
@@ -356,7 +356,7 @@ def _size_at(data: bytes, at: int) -> int | None:
     if data[at + 7] | data[at + 8] << 8 | data[at + 9] << 16 not in checksum.KNOWN_IDS:
         return 0
     # Its length says nothing: zeros at the end are omitted, and a newer autopilot may add fields that we do not know.
-    return _HEADER_V2 + data[at + 1] + _CHECKSUM + (_SIGNATURE if data[at + 2] & _SIGNED else 0)
+    return _HEADER_V2 + data[at + 1] + _CHECKSUM + (_SIGNATURE if data[at + 2] & _SIGNED_FLAG else 0)
 
 
 def _frame(data: bytes) -> MavlinkFrame | None:
@@ -368,8 +368,8 @@ def _frame(data: bytes) -> MavlinkFrame | None:
         if len(data) == end + _CHECKSUM and checksum.is_valid(message_id, data, end):
             return MavlinkFrame(message_id, data[3], data[4], data[2], False, data, data[_HEADER_V1:end])
         return None
-    is_signed, end = bool(data[2] & _SIGNED), _HEADER_V2 + data[1]
-    if data[2] & ~_SIGNED or len(data) != end + _CHECKSUM + _SIGNATURE * is_signed:
+    is_signed, end = bool(data[2] & _SIGNED_FLAG), _HEADER_V2 + data[1]
+    if data[2] & ~_SIGNED_FLAG or len(data) != end + _CHECKSUM + _SIGNATURE * is_signed:
         return None
     message_id = data[7] | data[8] << 8 | data[9] << 16
     if checksum.is_valid(message_id, data, end):

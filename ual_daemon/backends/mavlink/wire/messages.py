@@ -29,7 +29,7 @@ _TARGET = struct.Struct("<BBBBBBHBI11fHBBB")
 """Header after the magic: payload length, incompatible and compatible flags, sequence, system, component, message id
 (24 bits); then the payload in its order on the wire, largest fields first.
 """
-_TARGET_SIZE = 53
+_TARGET_BYTES = 53
 _TARGET_ID, _TARGET_EXTRA = _Target.id, _Target.crc_extra
 _TARGET_SEED = bytes((_TARGET_EXTRA,))
 _NED = mavlink.MAV_FRAME_LOCAL_NED
@@ -65,7 +65,7 @@ class TargetMessage(NamedTuple):
             theirs: bytes = _Target(*self).pack(mav)
             return theirs
         covered = _TARGET.pack(
-            _TARGET_SIZE, 0, 0, mav.seq, mav.srcSystem, mav.srcComponent, _TARGET_ID, 0,
+            _TARGET_BYTES, 0, 0, mav.seq, mav.srcSystem, mav.srcComponent, _TARGET_ID, 0,
             time_ms, *motion, mask, system, component, frame,
         )  # fmt: skip
         return b"\xfd" + covered + checksum.compute(covered, _TARGET_EXTRA)
@@ -134,7 +134,7 @@ class Codec:
         number = mav.seq
         mav.seq = (number + 1) % 256
         covered = _TARGET.pack(
-            _TARGET_SIZE, 0, 0, number, mav.srcSystem, mav.srcComponent, _TARGET_ID, 0,
+            _TARGET_BYTES, 0, 0, number, mav.srcSystem, mav.srcComponent, _TARGET_ID, 0,
             time_ms, 0.0, 0.0, 0.0, vx, vy, vz, ax, ay, az, 0.0, yaw_rate, mask, system, component, _NED,
         )  # fmt: skip
         return b"\xfd" + covered + checksum.crc(covered + _TARGET_SEED).to_bytes(2, "little")

@@ -17,7 +17,7 @@ _log = logging.getLogger(__name__)
 
 PEER_SILENCE_S = 0.5
 """Another host takes our peer's place once that is silent for this long: before the link counts as lost."""
-_MOST_LOGGED = 32
+_MOST_LOGGED_TROUBLES = 32
 """Most different troubles that are logged, each once."""
 _GARBAGE = "bytes that are no MAVLink (another baud rate or protocol?)"
 INCOMPLETE_FRAME_S = 0.5
@@ -299,7 +299,7 @@ class Receiver:
         self._log_once(defect, logging.ERROR, has_traceback=True)
 
     def _log_once(self, text: str, level: int = logging.WARNING, *, has_traceback: bool = False) -> None:
-        if text not in self._logged and len(self._logged) < _MOST_LOGGED:
+        if text not in self._logged and len(self._logged) < _MOST_LOGGED_TROUBLES:
             self._logged.add(text)
             _log.log(level, "%s", text, exc_info=has_traceback)
 

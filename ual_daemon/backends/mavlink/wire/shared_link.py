@@ -13,9 +13,9 @@ from typing import NamedTuple
 from typing_extensions import override
 
 from ual_daemon.backends.base import Clock
-from ual_daemon.backends.engine.limits import SILENT_S
+from ual_daemon.backends.engine.limits import BLIND_SILENCE_S
 from ual_daemon.backends.engine.loop import OnceLog
-from ual_daemon.backends.mavlink.links.base import BATCH_BYTES, Address, Chunk, MavlinkLink
+from ual_daemon.backends.mavlink.links.base import RECEIVED_BATCH_BYTES, Address, Chunk, MavlinkLink
 from ual_daemon.backends.mavlink.links.connection import LinkConnection
 from ual_daemon.backends.mavlink.links.udp import cannot_send
 from ual_daemon.backends.mavlink.wire.frames import FrameReader, Piece, piece_of, pieces
@@ -23,7 +23,7 @@ from ual_daemon.backends.mavlink.wire.receiver import INCOMPLETE_FRAME_S
 
 _log = logging.getLogger(__name__)
 
-WAIT_S = 0.05
+RECEIVE_WAIT_S = 0.05
 """The longest interval between two looks at the link."""
 QUEUE_BYTES = 1 << 18
 """Bytes that may wait for the thread of one vehicle; more is dropped, as a system drops data that overflows a
@@ -107,16 +107,16 @@ class _LinkReading:
             except Exception as error:  # noqa: BLE001 - the callers must see a lost link that comes back
                 self._failures.log(error)
                 self.connection.restart(self._clock.now_s())
-                self._closing.wait(WAIT_S)
+                self._closing.wait(RECEIVE_WAIT_S)
 
     def _poll(self) -> None:
         """Waits for data once, and hands them over. After a pause of this thread nobody knows how old they are."""
         connection = self.connection
         connection.tick(self._clock.now_s())
         waiting_s = self._clock.now_s()
-        chunks = connection.receive(WAIT_S, waiting_s)
+        chunks = connection.receive(RECEIVE_WAIT_S, waiting_s)
         now_s = self._clock.now_s()
-        if now_s - self._looked_s > SILENT_S:
+        if now_s - self._looked_s > BLIND_SILENCE_S:
             connection.discard(now_s)
             chunks = []
         self._looked_s = now_s
@@ -220,7 +220,7 @@ class VehicleLink(MavlinkLink):
         found: list[Chunk] = []
         taken = 0
         with self._lock:
-            while self._waiting and taken < BATCH_BYTES:
+            while self._waiting and taken < RECEIVED_BATCH_BYTES:
                 found.append(self._waiting.popleft())
                 taken += len(found[-1][0])
             self._waiting_bytes -= taken

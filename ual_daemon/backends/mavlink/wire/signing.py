@@ -18,13 +18,13 @@ from ual_daemon.settings import ConfigError
 
 KEY = f"{SECTION}.signing_key_file"
 KEY_MISSING = f"signs its messages and may not listen to ours: set {KEY}"
-KEY_SIZE = 32
-_HASH_SIZE = 6
-_TIMESTAMP_SIZE = 6
+KEY_BYTES = 32
+_HASH_BYTES = 6
+_TIMESTAMP_BYTES = 6
 EPOCH_S = 1_420_070_400.0
 """2015-01-01 UTC, from which timestamps count in units of 10 us."""
 _UNITS_PER_S = 100_000
-OLDEST_S = 60.0
+OLDEST_TIMESTAMP_S = 60.0
 """A new sender's clock may be at most this much behind ours."""
 MOST_SENDERS = 64
 """Most senders (a component of a system, on one of its links) that are remembered. A vehicle has a few."""
@@ -54,9 +54,9 @@ def read_key(path: str) -> bytes:
     form, _, rest = content.partition(b":")
     _require_exact(form, path)
     if form == b"raw":
-        return _of_size(rest, path, f"raw: must be followed by the {KEY_SIZE} bytes of the key and nothing else")
+        return _of_size(rest, path, f"raw: must be followed by the {KEY_BYTES} bytes of the key and nothing else")
     if form == b"hex":
-        return _of_size(_unhexed(rest), path, f"hex: must be followed by {2 * KEY_SIZE} hexadecimal digits")
+        return _of_size(_unhexed(rest), path, f"hex: must be followed by {2 * KEY_BYTES} hexadecimal digits")
     return hashlib.sha256(_passphrase(content, path)).digest()
 
 
@@ -68,7 +68,7 @@ def _require_exact(form: bytes, path: str) -> None:
 
 
 def _of_size(key: bytes, path: str, rule: str) -> bytes:
-    if len(key) != KEY_SIZE:
+    if len(key) != KEY_BYTES:
         raise ConfigError(f"{path}: {rule}", KEY)
     return key
 
@@ -88,7 +88,7 @@ def _passphrase(content: bytes, path: str) -> bytes:
         text = ""
     if not text or not text.isprintable() or len(content) > _LARGEST_FILE_BYTES:
         raise ConfigError(
-            f"{path} holds no line of text as passphrase; write raw: before the {KEY_SIZE} bytes of a key, or hex: "
+            f"{path} holds no line of text as passphrase; write raw: before the {KEY_BYTES} bytes of a key, or hex: "
             "before its hexadecimal digits",
             KEY,
         )
@@ -142,14 +142,14 @@ class Signer:
         """Checks a frame's signature. A frame is good only once."""
         if not frame.is_signed:
             return SignatureVerdict.UNSIGNED
-        signed, signature = frame.data[:-_HASH_SIZE], frame.data[-_HASH_SIZE:]
-        if hashlib.sha256(self.key + signed).digest()[:_HASH_SIZE] != signature:
+        signed, signature = frame.data[:-_HASH_BYTES], frame.data[-_HASH_BYTES:]
+        if hashlib.sha256(self.key + signed).digest()[:_HASH_BYTES] != signature:
             return SignatureVerdict.WRONG_KEY
-        timestamp = int.from_bytes(signed[-_TIMESTAMP_SIZE:], "little")
-        sender = (signed[-_TIMESTAMP_SIZE - 1], frame.system_id, frame.component_id)
+        timestamp = int.from_bytes(signed[-_TIMESTAMP_BYTES:], "little")
+        sender = (signed[-_TIMESTAMP_BYTES - 1], frame.system_id, frame.component_id)
         newest = self._newest.get(sender)
         if newest is None:
-            if timestamp < max(self._sent, self._received, self._now()) - OLDEST_S * _UNITS_PER_S:
+            if timestamp < max(self._sent, self._received, self._now()) - OLDEST_TIMESTAMP_S * _UNITS_PER_S:
                 return SignatureVerdict.OLD
             if timestamp <= self._forgotten:
                 return SignatureVerdict.REPEATED
@@ -171,7 +171,7 @@ class Signer:
         if len(self._newest) < MOST_SENDERS:
             return True
         timestamp, heard_s = next(iter(self._newest.values()))
-        if self._clock() - heard_s < OLDEST_S:
+        if self._clock() - heard_s < OLDEST_TIMESTAMP_S:
             return False
         self._newest.popitem(last=False)
         self._forgotten = max(self._forgotten, timestamp)

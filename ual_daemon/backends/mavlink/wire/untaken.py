@@ -6,15 +6,15 @@ import math
 from collections.abc import Hashable
 from dataclasses import dataclass
 
-RECENT_S = 5.0
+RECENT_NOTE_S = 5.0
 """Only what came within this time is reported: everything that speaks MAVLink sends a heartbeat each second."""
-LASTS_S = 2.0
+LASTING_NOTE_S = 2.0
 """Seconds for which messages must have come before they are worth a line of the log: the autopilot's heartbeat may come
 next.
 """
 MOST_NOTES = 16
 """Most notes that are remembered; a new note replaces the one whose messages came least lately."""
-MOST_TOLD = 3
+MOST_REPORTED_NOTES = 3
 """Most notes that are reported at once."""
 
 
@@ -52,15 +52,15 @@ class Untaken:
     def lasts_s(self, key: Hashable, now_s: float) -> float:
         """Returns for how long something has come without a long pause; 0 where it does not come now."""
         note = self._notes.get(key)
-        return 0.0 if note is None or now_s - note.heard_s > RECENT_S else now_s - note.since_s
+        return 0.0 if note is None or now_s - note.heard_s > RECENT_NOTE_S else now_s - note.since_s
 
     def text(self, now_s: float, since_s: float = -math.inf, *, lasts_s: float = 0.0) -> str:
         """Returns what has come lately, after `since_s`, and for at least `lasts_s`; empty if there is nothing."""
         found = [
             note
             for key, note in self._notes.items()
-            if note.heard_s > since_s and now_s - note.heard_s <= RECENT_S and self.lasts_s(key, now_s) >= lasts_s
+            if note.heard_s > since_s and now_s - note.heard_s <= RECENT_NOTE_S and self.lasts_s(key, now_s) >= lasts_s
         ]
         texts = [note.text for note in sorted(found, key=lambda each: each.is_minor)]
-        more_count = len(texts) - MOST_TOLD
-        return "; ".join([*texts[:MOST_TOLD], *([f"and {more_count} more"] if more_count > 0 else [])])
+        more_count = len(texts) - MOST_REPORTED_NOTES
+        return "; ".join([*texts[:MOST_REPORTED_NOTES], *([f"and {more_count} more"] if more_count > 0 else [])])

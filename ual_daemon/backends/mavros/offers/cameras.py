@@ -32,7 +32,7 @@ _log = logging.getLogger(__name__)
 START_CAPTURE = 2000
 """MAV_CMD_IMAGE_START_CAPTURE."""
 _ONE = (0.0, 0.0, 1.0)
-_NUMBER = 0
+_CAMERA_ID = 0
 
 
 class CameraServices(NamedTuple):
@@ -76,7 +76,7 @@ class AcknowledgedCamera(CameraDriver):
         self._lock = threading.Lock()
         self._photos: PhotoLog[TakenPhoto] = PhotoLog()
         self._by_distance: _ByDistance | None = None
-        self._due = DuePhotos(_NUMBER, self.take_photo, "the autopilot has not answered the order before")
+        self._due = DuePhotos(_CAMERA_ID, self.take_photo, "the autopilot has not answered the order before")
 
     @property
     def is_busy(self) -> bool:
@@ -88,7 +88,7 @@ class AcknowledgedCamera(CameraDriver):
     def info(self) -> CameraInfo:
         is_up = self._means.why_not("take a photo") is None
         note = "MAVROS does not tell what others order of it"
-        return CameraInfo(_NUMBER, NAME, frozenset({CameraAbility.PHOTO}), is_up, note=note)
+        return CameraInfo(_CAMERA_ID, NAME, frozenset({CameraAbility.PHOTO}), is_up, note=note)
 
     @override
     def status(self) -> Future[CameraStatus]:
@@ -116,7 +116,7 @@ class AcknowledgedCamera(CameraDriver):
 
     @override
     def start_interval(self, interval_s: float, count: int) -> Future[None]:
-        return futures.failed(NotSupportedError(f"camera {_NUMBER} ({NAME}) takes no pictures by time"))
+        return futures.failed(NotSupportedError(f"camera {_CAMERA_ID} ({NAME}) takes no pictures by time"))
 
     @override
     def start_distance(self, distance_m: float) -> Future[None]:
@@ -142,7 +142,7 @@ class AcknowledgedCamera(CameraDriver):
             if by_distance is None or pose is None:
                 return
             if snapshot.link.boots_count != by_distance.boots_count:
-                _log.warning("camera %d takes no more pictures by distance: the autopilot has booted", _NUMBER)
+                _log.warning("camera %d takes no more pictures by distance: the autopilot has booted", _CAMERA_ID)
                 self._by_distance = None
                 return
             due_count = by_distance.trigger.due_count(pose.value.position)
@@ -158,7 +158,7 @@ class MavrosCameras(CameraDrivers):
         self.trigger = TriggeredPhotos()
         self.trigger.look, self.trigger.utc_s = means.look, means.utc_s
         is_up = self._is_up
-        self._reported = TriggerCamera(_NUMBER, lambda: self.trigger, self._order, means.post, means.give, is_up)
+        self._reported = TriggerCamera(_CAMERA_ID, lambda: self.trigger, self._order, means.post, means.give, is_up)
         self._acknowledged = AcknowledgedCamera(self._order, means)
         self._boots_count = 0
 

@@ -33,7 +33,7 @@ AIM_S = 0.1
 """Seconds between two aims of a gimbal that follows something."""
 AIM_LIMIT_S = 2.0
 """Seconds that MAVROS may take to pass an aim on."""
-QUIET_S = 0.3
+LATE_ANSWER_S = 0.3
 """Seconds for which an order waits after that: the acknowledgement of the one would be taken for that of the other."""
 _UNTOLD = "MAVROS does not tell where it looks"
 _NOTHING = GimbalIdentity(frozenset(), None, None, None)
@@ -159,7 +159,7 @@ class MavrosGimbal(FindableGimbal):
         return session.autopilot.gimbal
 
     def _why_wait(self) -> str:
-        return "it was just aimed" if self._now_s() - self._aimed_s < QUIET_S else ""
+        return "it was just aimed" if self._now_s() - self._aimed_s < LATE_ANSWER_S else ""
 
     # --- What follows something ---------------------------------------------------------------------------------------
 

@@ -24,7 +24,7 @@ from ual_daemon.backends.firmwares.item_lists import (
 from ual_daemon.backends.firmwares.mission_items import Difference, MissionItem, MissionList, MissionType
 from ual_daemon.backends.mavros import topics
 from ual_daemon.backends.mavros.missions import MissionTopics, ReceivedList, waypoint_of
-from ual_daemon.backends.mavros.offers.services import BUSY_S, Services
+from ual_daemon.backends.mavros.offers.services import BUSY_RETRY_S, Services
 from ual_daemon.backends.mavros.session import MavrosSession
 from ual_daemon.backends.offers.parameters import Refusal, UndecidedError
 from ual_daemon.backends.rosbridge import Message
@@ -32,9 +32,9 @@ from ual_daemon.backends.rosbridge import Message
 TRANSFER_S = 35.0
 """MAVROS gives up after 30 s."""
 READS_COUNT = 3
-SETTLE_S = 0.5
+TOPIC_DELAY_S = 0.5
 """Seconds after the answer for which the published list has to stand."""
-LOOKS_COUNT = 10
+TOPIC_CHECKS_COUNT = 10
 """Looks at the topic before a list counts as missing."""
 CHOOSE_S = 6.0
 """MAVROS asks four times, a second apart."""
@@ -79,11 +79,11 @@ class MavrosLists(ItemLists):
 
     def _pulled(self, kind: MissionType, answer: Message, before_count: int, reads_count: int) -> Future[MissionList]:
         if answer["success"]:
-            return self._settled(kind, int(answer["wp_received"]), before_count, LOOKS_COUNT)
+            return self._settled(kind, int(answer["wp_received"]), before_count, TOPIC_CHECKS_COUNT)
         if reads_count <= 0:
             text = f"cannot {_reading(kind)}: MAVROS got {answer['wp_received']} items, and no further: try again"
             raise UalTimeoutError(text, {"list": kind.text})
-        return then_wait(self._services.pause(BUSY_S), lambda _: self._read(kind, reads_count))
+        return then_wait(self._services.pause(BUSY_RETRY_S), lambda _: self._read(kind, reads_count))
 
     def _settled(self, kind: MissionType, count: int, before_count: int, looks_count: int) -> Future[MissionList]:
         """Waits for what was read."""
@@ -97,7 +97,7 @@ class MavrosLists(ItemLists):
                 raise UalTimeoutError(text, {"list": kind.text})
             return self._settled(kind, count, before_count, looks_count - 1)
 
-        return then_wait(self._services.pause(SETTLE_S), check)
+        return then_wait(self._services.pause(TOPIC_DELAY_S), check)
 
     # --- The current item ---------------------------------------------------------------------------------------------
 
@@ -189,7 +189,7 @@ class _Replacement:
         return self._again()
 
     def _again(self) -> Future[MissionList]:
-        return then_wait(self._services.pause(BUSY_S), lambda _: self.begin())
+        return then_wait(self._services.pause(BUSY_RETRY_S), lambda _: self.begin())
 
     def _counts(self) -> int:
         return session_of(self._services).telemetry.counts[topics.STATUS_TEXT]

@@ -19,7 +19,7 @@ from ual.parameters.values import Parameter, ParameterType, real32
 from ual_daemon.backends.chain import caught, done, then, then_wait, together
 from ual_daemon.backends.firmwares.parameter_errors import in_doubt, not_kept, unconfirmed, unknown
 from ual_daemon.backends.mavros import topics
-from ual_daemon.backends.mavros.offers.services import BUSY_S, BusyError, Services
+from ual_daemon.backends.mavros.offers.services import BUSY_RETRY_S, BusyError, Services
 from ual_daemon.backends.mavros.parameters import BOOL, DOUBLE, FIELDS, INTEGER
 from ual_daemon.backends.offers.parameters import AutopilotParameters, Refusal
 from ual_daemon.backends.rosbridge import Message, RosGeneration
@@ -34,7 +34,7 @@ FETCH_S = 9.0
 PULL_S = 60.0
 """MAVROS waits for the list for 30 s. With ROS 1 it then gives each value to the master before it answers."""
 PULLS_COUNT = 10
-CHUNK_PARAMETERS = 200
+MOST_REQUESTED_PARAMETERS = 200
 """Most values of one request."""
 CALLS_AT_ONCE = 20
 """Most calls in progress where ROS 1 is requested each value."""
@@ -163,7 +163,8 @@ class MavrosParameters(AutopilotParameters):
             if not names:
                 return done(found)
             return then_wait(
-                self._get_ros2(names[:CHUNK_PARAMETERS]), lambda some: get(names[CHUNK_PARAMETERS:], found + some)
+                self._get_ros2(names[:MOST_REQUESTED_PARAMETERS]),
+                lambda some: get(names[MOST_REQUESTED_PARAMETERS:], found + some),
             )
 
         def listed(answer: Message) -> Future[list[Parameter]]:
@@ -246,7 +247,7 @@ class MavrosParameters(AutopilotParameters):
             return done(kept)
         if tries_count > 0:  # a value of before may have come late
             again = partial(self._write, wanted, refusal, tries_count, is_sent=True)
-            return then_wait(self._services.pause(BUSY_S), lambda _: again())
+            return then_wait(self._services.pause(BUSY_RETRY_S), lambda _: again())
         raise unconfirmed(wanted, "not confirmed", TRIES_COUNT) if kept is None else not_kept(wanted, kept)
 
     @property

@@ -20,9 +20,9 @@ from ual_daemon.backends.rosbridge.calls import ServiceError, ServiceTimeoutErro
 
 T = TypeVar("T")
 
-MOST_WAITING = 100
+MOST_WAITING_JOBS = 100
 """Jobs that may wait for their turn."""
-BUSY_S = 1.0
+BUSY_RETRY_S = 1.0
 """The time from a refusal of a plugin that is busy to the next attempt."""
 _MISSING, _BUSY = "does not exist", "responded with an error"
 
@@ -116,16 +116,16 @@ class Services:
             if tries_count <= 1:
                 return futures.failed(UalTimeoutError(failure.message, failure.metadata))
             return then_wait(
-                self.pause(BUSY_S),
+                self.pause(BUSY_RETRY_S),
                 lambda _: self.call_free(service, arguments, limit_s, what, doubt, tries_count - 1, refusal),
             )
 
         return caught(self.call(service, arguments, limit_s, what, doubt), again)
 
     def _add(self, job: _Job) -> None:
-        if len(self._waiting) >= MOST_WAITING:
-            text = f"{MOST_WAITING} jobs of MAVROS wait already, which is the limit"
-            futures.fail(job.future, ResourceExhaustedError(text, {"limit": str(MOST_WAITING)}))
+        if len(self._waiting) >= MOST_WAITING_JOBS:
+            text = f"{MOST_WAITING_JOBS} jobs of MAVROS wait already, which is the limit"
+            futures.fail(job.future, ResourceExhaustedError(text, {"limit": str(MOST_WAITING_JOBS)}))
         else:
             self._waiting.append(job)
 

@@ -13,7 +13,7 @@ from tests.ual_daemon.backends.mavlink.fakes import Harness, ack, attitude, hear
 from ual.errors import RejectedByAutopilotError, WrongStateError
 from ual.geometry import Pose, Vector3
 from ual.types import Capability, GeoPoint, Limits
-from ual_daemon.backends.engine.limits import ANEW_S
+from ual_daemon.backends.engine.limits import RESTART_SILENCE_S
 from ual_daemon.backends.firmwares.ardupilot import LONGEST_LEAD_S, velocity_lead
 from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
 from ual_daemon.backends.mavlink.wire.frames import MessageSource
@@ -373,7 +373,7 @@ def test_it_is_requested_anew_when_it_booted_so_fast_that_its_silence_was_not_no
     harness.receive(attitude(), position(harness.now_s))
     streamed_s = harness.now_s
     harness.link.sent.clear()
-    while harness.now_s < streamed_s + ANEW_S + 0.5:
+    while harness.now_s < streamed_s + RESTART_SILENCE_S + 0.5:
         harness.run(0.1)
         harness.receive(beat())  # the only thing it sends unasked
     asked = {sent.param1 for sent in harness.commands(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL)}

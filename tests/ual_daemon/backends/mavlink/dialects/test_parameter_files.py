@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from tests.simulators.parameter_files import DESCRIBED, GENERAL, PARAMETERS, described, packed
 from ual.parameters import Description, Parameter, ParameterType
 from ual_daemon.backends.mavlink.dialects.parameter_files import (
-    MOST_BYTES,
+    LARGEST_FILE_BYTES,
     descriptions,
     file_path,
     packed_list,
@@ -65,7 +65,7 @@ def test_a_wrong_checksum_and_a_damaged_or_endless_file_are_errors() -> None:
         with pytest.raises(ValueError, match=r"damaged|cut off"):
             unpacked(damaged, 0)
     with pytest.raises(ValueError, match="cut off"):
-        unpacked(lzma.compress(bytes(MOST_BYTES + 1)), 0)
+        unpacked(lzma.compress(bytes(LARGEST_FILE_BYTES + 1)), 0)
     assert unpacked(b"{}", 0) == b"{}"
 
 

@@ -24,8 +24,8 @@ from tests.ual_daemon.backends.mavlink.endless_link import EndlessLink
 from tests.waiting import until
 from ual_daemon.backends.hosts import Host
 from ual_daemon.backends.mavlink.links import LinkConnection, make_link
-from ual_daemon.backends.mavlink.links.base import BATCH_BYTES, Chunk, LinkError
-from ual_daemon.backends.mavlink.links.connection import LONGEST_PAUSE_S, SILENCE_S
+from ual_daemon.backends.mavlink.links.base import RECEIVED_BATCH_BYTES, Chunk, LinkError
+from ual_daemon.backends.mavlink.links.connection import LONGEST_RECONNECT_PAUSE_S, PEER_SILENCE_S
 from ual_daemon.backends.mavlink.links.endpoints import Endpoint, SerialEndpoint, parse_url
 from ual_daemon.settings import ConfigError
 
@@ -34,7 +34,7 @@ PATIENCE_S = 20.0
 HERE = "127.0.0.1"
 
 
-PATIENCE = "ual_daemon.backends.hosts._PATIENCE_S"
+PATIENCE = "ual_daemon.backends.hosts._LOOKUP_TIMEOUT_S"
 
 
 @pytest.fixture(autouse=True)
@@ -145,9 +145,9 @@ def test_a_half_open_connection_shows_by_its_silence(server: socket.socket) -> N
     with running(url_of(server)) as run:
         run.until(lambda: run.connections_count == 1)
         with server.accept()[0]:  # stays open and says nothing
-            run.step(SILENCE_S - 0.1)
+            run.step(PEER_SILENCE_S - 0.1)
             run.connection.on_received(run.now_s)
-            run.step(SILENCE_S - 0.1)
+            run.step(PEER_SILENCE_S - 0.1)
             assert run.connection.trouble == ""
             run.step(0.2)
             assert run.connection.trouble == f"nothing came from {url_of(server)} for 5 s; connecting anew"
@@ -195,7 +195,7 @@ def test_what_a_stalled_connection_holds_is_not_delivered_once_it_is_abandoned(k
     """It may be a landing, over the mode of a pilot who has taken over since."""
     with stalled(kind) as (run, peer):
         sent = fill(run)
-        run.step(SILENCE_S + 0.1)
+        run.step(PEER_SILENCE_S + 0.1)
         assert read_all(peer) < sent
 
 
@@ -234,7 +234,7 @@ def test_the_pause_between_attempts_grows_and_is_short_again_after_it_went_well(
         pauses = [after - before for before, after in itertools.pairwise(attempts)]
         assert pauses[0] < 0.4
         assert all(after >= before - 0.1 for before, after in itertools.pairwise(pauses))
-        assert pauses[-1] == pytest.approx(LONGEST_PAUSE_S, abs=0.3)
+        assert pauses[-1] == pytest.approx(LONGEST_RECONNECT_PAUSE_S, abs=0.3)
         run.connection.on_received(run.now_s)
         attempts.clear()
         for _ in range(100):
@@ -379,7 +379,7 @@ def test_a_silent_one_is_hung_up_on() -> None:
         run.step()
         with connect(port) as peer:
             run.until(lambda: run.connections_count == 1)
-            run.step(SILENCE_S + 0.1)
+            run.step(PEER_SILENCE_S + 0.1)
             with pytest.raises(ConnectionResetError):
                 peer.recv(10)
         assert run.connection.peer is None
@@ -578,7 +578,7 @@ def test_a_flood_of_datagrams_is_received_in_bounded_batches_and_none_is_lost_to
             assert sum(map(len, batches)) == sent
             for batch in batches:
                 assert len(batch) <= 64
-                assert sum(len(data) for data, _ in batch) <= BATCH_BYTES + size
+                assert sum(len(data) for data, _ in batch) <= RECEIVED_BATCH_BYTES + size
 
 
 def test_a_flood_on_a_stream_is_received_in_bounded_pieces() -> None:
@@ -589,7 +589,7 @@ def test_a_flood_on_a_stream_is_received_in_bounded_pieces() -> None:
             peer.sendall(b"x" * 100_000)
             pieces: list[bytes] = []
             run.until(lambda: pieces.append(run.step()) or len(run.got) == 100_000)  # type: ignore[func-returns-value]
-            assert max(map(len, pieces)) <= BATCH_BYTES
+            assert max(map(len, pieces)) <= RECEIVED_BATCH_BYTES
 
 
 class Endless(EndlessLink):

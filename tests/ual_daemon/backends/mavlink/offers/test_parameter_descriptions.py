@@ -12,7 +12,7 @@ from ual_daemon.backends.mavlink.offers.parameter_descriptions import ParameterD
 
 def test_an_answer_leaves_no_thread_that_waits(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each question would leave one for seconds."""
-    monkeypatch.setattr(parameter_descriptions, "PATIENCE_S", 2.0 * LIMIT_S)
+    monkeypatch.setattr(parameter_descriptions, "ANSWER_TIMEOUT_S", 2.0 * LIMIT_S)
     harness = Harness()
     harness.receive(heartbeat())
     before = set(threading.enumerate())

@@ -20,7 +20,7 @@ from ual.geometry import Pose, Quaternion
 from ual.wire import camera as convert
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.protocols import camera_link
-from ual_daemon.backends.mavlink.protocols.camera_photos import MOST_MISSING, TRIES_COUNT, ReportedPhotos
+from ual_daemon.backends.mavlink.protocols.camera_photos import MOST_MISSING_REPORTS, TRIES_COUNT, ReportedPhotos
 from ual_daemon.backends.mavlink.protocols.cameras import MESSAGE_IDS
 from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Codec, mavlink
@@ -140,7 +140,7 @@ def test_an_order_that_was_repeated_keeps_the_next_one_of_its_kind_back() -> Non
     bench.run(0.4)
     assert len(bench.camera.orders) == sent_count
     bench.until(second.done)
-    assert bench.now_s - ended_s >= camera_link.QUIET_S
+    assert bench.now_s - ended_s >= camera_link.LATE_ANSWER_S
 
 
 def test_a_camera_that_does_not_answer_is_not_waited_for_without_end() -> None:
@@ -356,13 +356,13 @@ def test_pictures_by_time_replace_those_by_distance_once_they_may_be_taken(how: 
 def test_only_so_many_orders_wait() -> None:
     bench = Bench()
     link = bench.found()
-    futures: list[Future[None]] = [Future() for _ in range(camera_link.MOST_WAITING + 1)]
+    futures: list[Future[None]] = [Future() for _ in range(camera_link.MOST_WAITING_EXCHANGES + 1)]
     for each in futures:
         link.order(VIDEO, (), each)
     assert isinstance(futures[-1].exception(0), ResourceExhaustedError)
     futures[0].cancel()
     bench.until(lambda: all(each.done() for each in futures))
-    assert len(bench.camera.orders) == camera_link.MOST_WAITING - 1
+    assert len(bench.camera.orders) == camera_link.MOST_WAITING_EXCHANGES - 1
 
 
 def test_another_vehicle_has_other_cameras() -> None:
@@ -413,8 +413,8 @@ def test_a_jump_of_the_numbers_is_no_lost_picture_and_many_are_requested_in_part
     assert requested == []
     photos.is_new(2_000_000_000 + 201, 3, 0.0)
     photos.tick(0.0)
-    assert len(requested) == MOST_MISSING
-    assert photos.lost_count == 200 - MOST_MISSING
+    assert len(requested) == MOST_MISSING_REPORTS
+    assert photos.lost_count == 200 - MOST_MISSING_REPORTS
 
 
 def test_no_content_of_a_cameras_message_is_too_strange() -> None:

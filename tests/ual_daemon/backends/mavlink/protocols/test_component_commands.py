@@ -15,7 +15,7 @@ from ual.errors import (
     UalTimeoutError,
 )
 from ual_daemon.backends.mavlink.dialects.command_long import AGAIN, CommandLong
-from ual_daemon.backends.mavlink.protocols.component_commands import LOST_S, QUIET_S
+from ual_daemon.backends.mavlink.protocols.component_commands import LATE_ANSWER_S, LOST_COMPONENT_S
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
 PARACHUTE: int = mavlink.MAV_COMP_ID_PARACHUTE
@@ -59,7 +59,7 @@ def bench() -> Bench:
 
 def test_a_component_is_there_while_its_heartbeat_comes(bench: Bench) -> None:
     assert bench.has_component()
-    bench.now_s += LOST_S
+    bench.now_s += LOST_COMPONENT_S
     assert not bench.has_component()
 
 
@@ -108,7 +108,7 @@ def test_late_answers_to_the_one_before_do_not_count(bench: Bench) -> None:
     bench.say(ack(COMMAND, mavlink.MAV_RESULT_ACCEPTED))
     assert [value for value, _, _ in bench.sent()] == [1.0, 1.0]
     assert not second.done()
-    bench.run(QUIET_S)
+    bench.run(LATE_ANSWER_S)
     assert {value for value, _, _ in bench.sent()} == {2.0}
     bench.say(ack(COMMAND, mavlink.MAV_RESULT_ACCEPTED))
     assert second.result(0) is None

@@ -11,15 +11,15 @@ from hypothesis import strategies as st
 
 from tests.rtcm import message, messages
 from tests.simulators.satellite_receiver import SatelliteReceiver
-from ual_daemon.backends.firmwares.baseline import FRESH_S
+from ual_daemon.backends.firmwares.baseline import REPORT_AGE_LIMIT_S
 from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.protocols.corrections_injection import (
-    ASK_S,
     LONGEST_BYTES,
+    MESSAGE_PACE_S,
     NO_CORRECTIONS,
-    PACE_S,
+    RECEIVER_REQUEST_S,
     CorrectionsInjection,
     pieces,
 )
@@ -40,7 +40,7 @@ class Bench:
         self.injection = CorrectionsInjection(self._send, lambda _: self.is_up, lambda: self.has_room)
         self.injection.attach(MessageSource(7, 1), dialect or Px4())
 
-    def tick(self, count: int = 1, every_s: float = PACE_S) -> None:
+    def tick(self, count: int = 1, every_s: float = MESSAGE_PACE_S) -> None:
         for _ in range(count):
             self.injection.tick(self.now_s)
             self.now_s += every_s
@@ -177,13 +177,13 @@ def test_the_baseline_is_requested_while_corrections_are_sent_and_believed_while
     assert bench.others == []
     for seed in range(4):
         bench.injection.give(message(100, seed))
-        bench.tick(1, every_s=0.6 * ASK_S)
+        bench.tick(1, every_s=0.6 * RECEIVER_REQUEST_S)
     asked = [(each.command, each.param1) for each in bench.others]
     assert asked == [(511, 127), (511, 128)] * 2
     rtk = mavlink.MAVLink_gps_rtk_message(0, 0, 0, 0, 0, 1, 12, 1, 3_000, 4_000, -12_000, 0, 0)
     bench.injection.on_baseline(rtk, bench.now_s)
     assert bench.injection.status(bench.now_s).baseline_m == pytest.approx(13.0)
-    assert bench.injection.status(bench.now_s + FRESH_S + 0.1).baseline_m is None
+    assert bench.injection.status(bench.now_s + REPORT_AGE_LIMIT_S + 0.1).baseline_m is None
 
 
 def test_a_px4_is_not_requested_what_it_does_not_have(bench: Bench) -> None:

@@ -19,14 +19,14 @@ from ual.errors import (
     UalTimeoutError,
 )
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
-from ual_daemon.backends.mavlink.protocols.ftp import IDLE_S, MOST_WAITING, DirectoryEntry, Steps
-from ual_daemon.backends.mavlink.protocols.ftp_packet import BLOCK, FtpNakError, FtpPacket, Nak, Opcode, decode
+from ual_daemon.backends.mavlink.protocols.ftp import IDLE_FILE_S, MOST_WAITING_READS, DirectoryEntry, Steps
+from ual_daemon.backends.mavlink.protocols.ftp_packet import BLOCK_BYTES, FtpNakError, FtpPacket, Nak, Opcode, decode
 from ual_daemon.backends.mavlink.protocols.ftp_steps import (
-    GENTLE_BYTES_S,
-    GIVE_UP_S,
+    GENTLE_DOWNLOAD_BYTES_S,
     MOST_BLOCKS,
+    MOST_REQUESTED_BLOCKS,
+    PROGRESS_TIMEOUT_S,
     TRIES_COUNT,
-    WINDOW_BLOCKS,
 )
 from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import mavlink
@@ -67,7 +67,7 @@ def test_a_directory_that_is_not_there_is_refused_in_words(served: Served) -> No
         served.done(served.ftp.list_directory("/nowhere"))
 
 
-@pytest.mark.parametrize("size", [0, 1, BLOCK, 2 * BLOCK, 100_000, 300 * BLOCK])
+@pytest.mark.parametrize("size", [0, 1, BLOCK_BYTES, 2 * BLOCK_BYTES, 100_000, 300 * BLOCK_BYTES])
 def test_a_file_is_read_whole(served: Served, size: int) -> None:
     served.store.files = {"/file": content(size)}
     assert served.done(served.ftp.read_all("/file", 1_000_000)) == content(size)
@@ -76,7 +76,7 @@ def test_a_file_is_read_whole(served: Served, size: int) -> None:
 
 
 def test_a_file_whose_size_is_not_reported_is_read_to_its_end(served: Served) -> None:
-    for size in (10, 20 * BLOCK, 20 * BLOCK + 5, 500 * BLOCK, 600 * BLOCK):
+    for size in (10, 20 * BLOCK_BYTES, 20 * BLOCK_BYTES + 5, 500 * BLOCK_BYTES, 600 * BLOCK_BYTES):
         served.store.files = {"@PARAM/param.pck": content(size)}
         assert served.done(served.ftp.read_all("@PARAM/param.pck", 1_000_000)) == content(size)
         served.run(4.0)
@@ -108,10 +108,10 @@ def test_armed_it_is_read_gently_and_never_by_bursts(served: Served) -> None:
     assert served.done(served.ftp.read(LOG, 0, 200_000)) == content(200_000)
     took_s = served.now_s - began_s
     assert Opcode.BURST_READ_FILE not in opcodes(served)
-    assert 200_000 / took_s < GENTLE_BYTES_S * 1.05
+    assert 200_000 / took_s < GENTLE_DOWNLOAD_BYTES_S * 1.05
     assert 200_000 / took_s > 10_000.0
     most = max(sum(began_s <= at_s < began_s + 0.1 for at_s, _ in served.received) for began_s, _ in served.received)
-    assert most * BLOCK < GENTLE_BYTES_S * 0.2
+    assert most * BLOCK_BYTES < GENTLE_DOWNLOAD_BYTES_S * 0.2
 
 
 def test_arming_ends_a_burst_that_is_in_progress() -> None:
@@ -125,7 +125,7 @@ def test_arming_ends_a_burst_that_is_in_progress() -> None:
     served.run(0.1)
     before = len(served.received)
     served.run(0.2)
-    assert (len(served.received) - before) * BLOCK / 0.2 < GENTLE_BYTES_S * 1.1
+    assert (len(served.received) - before) * BLOCK_BYTES / 0.2 < GENTLE_DOWNLOAD_BYTES_S * 1.1
     assert served.finished(future) == content(2_000_000)[:200_000]
     assert opcodes(served).count(Opcode.BURST_READ_FILE) == 2  # the second one is what ends the first
 
@@ -139,7 +139,7 @@ def test_no_more_blocks_are_requested_at_once_than_an_autopilot_queues() -> None
     while not future.done():
         before = len(served.store.requests)
         served.step()
-        assert len(served.store.requests) - before <= WINDOW_BLOCKS
+        assert len(served.store.requests) - before <= MOST_REQUESTED_BLOCKS
 
 
 def test_the_file_stays_open_for_the_next_part_and_is_closed_after_that(served: Served) -> None:
@@ -147,7 +147,7 @@ def test_the_file_stays_open_for_the_next_part_and_is_closed_after_that(served: 
     for offset in range(0, 100_000, 10_000):
         assert served.done(served.ftp.read(LOG, offset, 10_000)) == content(100_000)[offset : offset + 10_000]
     assert opcodes(served).count(Opcode.OPEN_FILE_RO) == 1
-    served.run(IDLE_S + 0.5)
+    served.run(IDLE_FILE_S + 0.5)
     assert not served.store.is_open
     assert opcodes(served).count(Opcode.TERMINATE_SESSION) == 1
 
@@ -219,7 +219,7 @@ def test_silence_in_a_file_ends_its_reading(served: Served) -> None:
     served.run(0.1)
     served.store.has_ftp = False
     served.spoil = lambda _: None
-    served.run(GIVE_UP_S + 1.0)
+    served.run(PROGRESS_TIMEOUT_S + 1.0)
     assert isinstance(error_of(future), UalTimeoutError)
 
 
@@ -264,7 +264,7 @@ def test_a_defect_of_one_exchange_ends_that_one_only(served: Served) -> None:
 
 
 def test_too_many_do_not_wait(served: Served) -> None:
-    waiting: list[Future[Any]] = [Future() for _ in range(MOST_WAITING + 1)]
+    waiting: list[Future[Any]] = [Future() for _ in range(MOST_WAITING_READS + 1)]
     for each in waiting:
         served.ftp.run(each, served.ftp.list_directory("/log"))
     assert isinstance(error_of(waiting[-1]), ResourceExhaustedError)
@@ -280,7 +280,7 @@ def test_names_that_no_file_should_have_are_left_out() -> None:
 
 def test_a_directory_without_an_end_is_refused() -> None:
     served = Served()
-    answer = FtpPacket(0, 0, Opcode.ACK, BLOCK, Opcode.LIST_DIRECTORY, data=b"F\0" * 119)
+    answer = FtpPacket(0, 0, Opcode.ACK, BLOCK_BYTES, Opcode.LIST_DIRECTORY, data=b"F\0" * 119)
 
     def again(message: Any) -> Any:
         sequence = decode(bytes(message.payload))
@@ -369,7 +369,7 @@ def test_a_file_whose_opening_is_not_answered_is_closed(served: Served, is_given
     assert served.store.is_open
     if is_given_up:
         future.cancel()
-        served.run(IDLE_S + 0.5)
+        served.run(IDLE_FILE_S + 0.5)
     else:
         end(served)
     assert not served.store.is_open

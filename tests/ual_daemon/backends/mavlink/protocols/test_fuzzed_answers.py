@@ -35,7 +35,7 @@ from ual_daemon.backends.mavlink.offers.lists import MavlinkLists, fence_of, mis
 from ual_daemon.backends.mavlink.offers.parameters import MavlinkParameters
 from ual_daemon.backends.mavlink.offers.protocol_access import ProtocolAccess
 from ual_daemon.backends.mavlink.protocols.cameras import MESSAGE_IDS
-from ual_daemon.backends.mavlink.protocols.mission_exchange import LONGEST_S
+from ual_daemon.backends.mavlink.protocols.mission_exchange import LONGEST_TRANSFER_S
 from ual_daemon.backends.mavlink.protocols.mission_progress import MissionProgressProtocol
 from ual_daemon.backends.mavlink.protocols.mission_sender import item_of
 from ual_daemon.backends.mavlink.protocols.mission_transfers import MissionTransfers
@@ -200,7 +200,7 @@ class FuzzedAccess:
 
 def ended(link: FuzzedLink, futures: list[Future[Any]]) -> list[Any]:
     """Waits for the futures. Returns the results of those without an error, which can only be one of ours."""
-    until_s = link.now_s + (len(futures) + 1) * 8.0 * LONGEST_S
+    until_s = link.now_s + (len(futures) + 1) * 8.0 * LONGEST_TRANSFER_S
     while not all(each.done() for each in futures):
         link.step()
         assert link.now_s < until_s, "it does not end"

@@ -12,11 +12,11 @@ import pytest
 from tests.ual_daemon.backends.mavlink.protocols.served import Served, error_of
 from ual.errors import LinkLostError, RejectedByAutopilotError, ResourceExhaustedError, UalTimeoutError
 from ual_daemon.backends.mavlink.protocols.log_transfers import (
-    GENTLE_BYTES_S,
-    GIVE_UP_S,
-    IDLE_S,
+    GENTLE_DOWNLOAD_BYTES_S,
+    IDLE_LOG_S,
     MOST_LOGS,
-    MOST_WAITING,
+    MOST_WAITING_READS,
+    PROGRESS_TIMEOUT_S,
     LogEntry,
 )
 from ual_daemon.backends.mavlink.wire.messages import mavlink
@@ -120,13 +120,13 @@ def test_armed_it_is_read_gently() -> None:
     served.is_armed = True
     began_s = served.now_s
     assert read(served, log.id, 0, 100_000) == content(100_000)
-    assert 10_000.0 < 100_000 / (served.now_s - began_s) < GENTLE_BYTES_S * 1.1
+    assert 10_000.0 < 100_000 / (served.now_s - began_s) < GENTLE_DOWNLOAD_BYTES_S * 1.1
 
 
 def test_the_autopilot_is_reported_when_no_more_is_wanted(served: Served) -> None:
     [log] = listed(with_logs(served, 1000))
     read(served, log.id, 0, 1000)
-    served.run(IDLE_S + 0.5)
+    served.run(IDLE_LOG_S + 0.5)
     assert kinds(served).count("LOG_REQUEST_END") == 1
     served.run(5.0)
     assert kinds(served).count("LOG_REQUEST_END") == 1
@@ -160,13 +160,13 @@ def test_silence_and_a_boot_end_what_is_requested(served: Served) -> None:
         read(served, log.id, 0, 100_000)
     future: Future[bytes] = Future()
     served.logs.read(log.id, 0, 10, future)
-    served.run(GIVE_UP_S / 2)
+    served.run(PROGRESS_TIMEOUT_S / 2)
     served.logs.drop("the autopilot has booted")
     assert "has booted" in error_of(future).message
 
 
 def test_too_many_neither_wait_nor_are_listed(served: Served) -> None:
-    waiting: list[Future[Any]] = [Future() for _ in range(MOST_WAITING + 1)]
+    waiting: list[Future[Any]] = [Future() for _ in range(MOST_WAITING_READS + 1)]
     for each in waiting:
         served.logs.list(each)
     assert isinstance(error_of(waiting[-1]), ResourceExhaustedError)

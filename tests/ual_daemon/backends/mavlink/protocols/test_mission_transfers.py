@@ -33,9 +33,14 @@ from ual_daemon.backends.firmwares.mission_items import (
 )
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.dialects.unknown import Unknown
-from ual_daemon.backends.mavlink.protocols.mission_download import FIRST_PAUSE_S
-from ual_daemon.backends.mavlink.protocols.mission_exchange import GIVE_UP_S, LONGEST_S, PAUSE_S, RETRY_S
-from ual_daemon.backends.mavlink.protocols.mission_transfers import MOST_WAITING, MissionTransfers
+from ual_daemon.backends.mavlink.protocols.mission_download import FIRST_RESTART_PAUSE_S
+from ual_daemon.backends.mavlink.protocols.mission_exchange import (
+    LONGEST_TRANSFER_S,
+    PROGRESS_TIMEOUT_S,
+    RESTART_PAUSE_S,
+    RETRY_S,
+)
+from ual_daemon.backends.mavlink.protocols.mission_transfers import MOST_WAITING_TRANSFERS, MissionTransfers
 from ual_daemon.backends.mavlink.wire.frames import MessageSource, split
 from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
 
@@ -229,7 +234,7 @@ def test_silence_of_a_lost_link_is_reported_as_such(bench: Bench) -> None:
 
 def test_a_refusal_that_may_pass_is_waited_for_and_then_reported(bench: Bench) -> None:
     future = bench.download()
-    for pause_s in (FIRST_PAUSE_S, 2.0 * FIRST_PAUSE_S, 4.0 * FIRST_PAUSE_S, PAUSE_S):
+    for pause_s in (FIRST_RESTART_PAUSE_S, 2.0 * FIRST_RESTART_PAUSE_S, 4.0 * FIRST_RESTART_PAUSE_S, RESTART_PAUSE_S):
         bench.take(ack(DENIED))
         bench.requests()
         bench.tick(1, pause_s - 0.1)
@@ -240,7 +245,7 @@ def test_a_refusal_that_may_pass_is_waited_for_and_then_reported(bench: Bench) -
     while not future.done():
         bench.take(ack(DENIED))
         bench.tick(1)
-        assert bench.now_s - began_s < GIVE_UP_S + 2.0
+        assert bench.now_s - began_s < PROGRESS_TIMEOUT_S + 2.0
     assert "DENIED" in error_of(future).message
     assert "another station" in error_of(future).message
 
@@ -381,7 +386,7 @@ def test_transfers_take_turns_and_their_number_is_limited(bench: Bench) -> None:
     bench.tick()
     assert first.done()
     assert bench.requests() == ["ack 0", "count 1"]
-    many = [bench.download() for _ in range(MOST_WAITING + 1)]
+    many = [bench.download() for _ in range(MOST_WAITING_TRANSFERS + 1)]
     assert isinstance(error_of(many[-1]), ResourceExhaustedError)
     assert not second.done()
 
@@ -465,7 +470,7 @@ def test_each_transfer_ends_whatever_comes(seed: int) -> None:
     while not all(each.done() for each in futures):
         bench.take(noise.choice(makers)())
         bench.tick(1, noise.choice((0.0, 0.05, 0.5)))
-        assert bench.now_s - began_s < 8 * LONGEST_S
+        assert bench.now_s - began_s < 8 * LONGEST_TRANSFER_S
     written = futures[1]
     if written.exception() is None:
         assert differs(items, written.result().items) == ""

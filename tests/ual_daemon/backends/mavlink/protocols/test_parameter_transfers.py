@@ -27,15 +27,15 @@ from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.dialects.unknown import Unknown
 from ual_daemon.backends.mavlink.protocols.parameter_exchanges import (
     CONTRARY_COUNT,
-    GIVE_UP_S,
+    LIST_SILENCE_S,
     LONGEST_LIST_S,
     MOST_PARAMETERS,
-    QUIET_S,
+    MOST_PENDING_REQUESTS,
+    PROGRESS_TIMEOUT_S,
     RETRY_S,
     TRIES_COUNT,
-    WINDOW_REQUESTS,
 )
-from ual_daemon.backends.mavlink.protocols.parameter_transfers import MOST_WAITING, ParameterTransfers
+from ual_daemon.backends.mavlink.protocols.parameter_transfers import MOST_WAITING_EXCHANGES, ParameterTransfers
 from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
@@ -279,7 +279,7 @@ def test_exchanges_of_single_ones_take_turns_and_their_number_is_limited(bench: 
     bench.tick()
     bench.value("B", 2.0)
     assert (first.result(0).value, second.result(0).value) == (1.0, 2.0)
-    many = [bench.read(f"N{count}") for count in range(MOST_WAITING + 2)]
+    many = [bench.read(f"N{count}") for count in range(MOST_WAITING_EXCHANGES + 2)]
     assert isinstance(error_of(many[-1]), ResourceExhaustedError)
     assert not many[0].done()
 
@@ -319,10 +319,10 @@ def test_missing_ones_are_requested_a_few_at_a_time(bench: Bench) -> None:
     future = bench.read_all()
     bench.value("N0", 0.0, 0, 30)
     bench.requests()
-    bench.tick(1, QUIET_S - 0.1)
+    bench.tick(1, LIST_SILENCE_S - 0.1)
     assert bench.requests() == []
     bench.tick(1, 0.2)
-    assert bench.requests() == list(range(1, 1 + WINDOW_REQUESTS))
+    assert bench.requests() == list(range(1, 1 + MOST_PENDING_REQUESTS))
     bench.tick(1, 0.1)
     assert bench.requests() == []
     for place in (1, 2):
@@ -339,13 +339,13 @@ def test_missing_ones_are_requested_a_few_at_a_time(bench: Bench) -> None:
 def test_a_list_of_which_some_never_come_says_how_many(bench: Bench) -> None:
     future = bench.read_all()
     bench.value("A", 0.0, 0)
-    bench.tick(200, GIVE_UP_S / 100)
+    bench.tick(200, PROGRESS_TIMEOUT_S / 100)
     assert error_of(future).metadata == {"missing": "2", "count": "3"}
 
 
 def test_a_list_that_is_not_answered_ends(bench: Bench) -> None:
     future = bench.read_all()
-    bench.tick(200, GIVE_UP_S / 100)
+    bench.tick(200, PROGRESS_TIMEOUT_S / 100)
     assert isinstance(error_of(future), UalTimeoutError)
     assert 5 <= bench.requests().count("list") <= 7
 
@@ -367,11 +367,11 @@ def test_a_list_that_drips_for_ever_ends(bench: Bench) -> None:
     future = bench.read_all()
     for place in range(MOST_PARAMETERS):
         bench.value("A", 0.0, place, MOST_PARAMETERS)
-        bench.tick(1, GIVE_UP_S / 2)
+        bench.tick(1, PROGRESS_TIMEOUT_S / 2)
         if future.done():
             break
     assert isinstance(error_of(future), UalTimeoutError)
-    assert bench.now_s - 100.0 == pytest.approx(LONGEST_LIST_S, abs=GIVE_UP_S)
+    assert bench.now_s - 100.0 == pytest.approx(LONGEST_LIST_S, abs=PROGRESS_TIMEOUT_S)
 
 
 def test_too_many_are_not_read(bench: Bench) -> None:

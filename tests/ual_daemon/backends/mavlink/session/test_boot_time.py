@@ -8,7 +8,7 @@ import random
 import pytest
 
 from tests.ual_daemon.backends.mavlink.fakes import BOOT_MS, UTC_S, Harness, attitude, heartbeat, position
-from ual_daemon.backends.engine.boot_time import PROOFS_COUNT, QUIET_S, SHORTEST_BOOT_S, WRAP_S, BootTime
+from ual_daemon.backends.engine.boot_time import MESSAGE_SILENCE_S, PROOFS_COUNT, SHORTEST_BOOT_S, WRAP_S, BootTime
 from ual_daemon.backends.mavlink.wire.messages import Message
 
 
@@ -29,7 +29,7 @@ def test_a_reboot_without_a_silence_is_believed_once_the_old_boot_is_not_receive
     boot = BootTime()
     run(boot, 100.0, 0.0, 1.0)
     believed_s = next(step / 50.0 for step in range(100) if boot.update(3.0 + step / 50.0, 1.0 + step / 50.0))
-    assert QUIET_S - 0.04 <= believed_s <= QUIET_S + 0.02
+    assert MESSAGE_SILENCE_S - 0.04 <= believed_s <= MESSAGE_SILENCE_S + 0.02
 
 
 @pytest.mark.parametrize("wild_s", [0.001, 50.0, 2000.0, 4e6])

@@ -6,7 +6,7 @@ from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import HEARTBEAT_LATE_S, HEARTBEAT_REQUEST_S
-from ual_daemon.backends.mavlink.session.late_messages import LATE_SHARE, REQUEST_S
+from ual_daemon.backends.mavlink.session.late_messages import LATE_TIME_SHARE, REQUEST_S
 from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 FAILS = 1.0 - (1.0 - 0.3) * (1.0 - 0.1)
@@ -54,7 +54,7 @@ def test_whether_it_is_armed_does_not_go_stale_by_chance_on_a_bad_link() -> None
 @pytest.mark.parametrize("name", sorted(PX4_OWN_HZ))
 def test_what_comes_at_the_own_rate_of_an_autopilot_is_requested_before_it_is_stale(name: str) -> None:
     limit_s = getattr(Px4().freshness, name)
-    assert 1.0 / PX4_OWN_HZ[name] < LATE_SHARE * limit_s  # so that nothing is asked for on a good link
+    assert 1.0 / PX4_OWN_HZ[name] < LATE_TIME_SHARE * limit_s  # so that nothing is asked for on a good link
     fails_asked = 1.0 - (1.0 - FAILS) ** 2
-    asked_count = int((limit_s * (1.0 - LATE_SHARE) - 2 * JITTER_S) / REQUEST_S)
+    asked_count = int((limit_s * (1.0 - LATE_TIME_SHARE) - 2 * JITTER_S) / REQUEST_S)
     assert stale_per_hour(PX4_OWN_HZ[name], limit_s) * fails_asked**asked_count < 5.0  # and it lasts for seconds

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from ual_daemon.backends.engine.readings import Reading, Readings, Valid
-from ual_daemon.backends.mavlink.session.late_messages import LATE_SHARE, REQUEST_S, LateMessages
+from ual_daemon.backends.mavlink.session.late_messages import LATE_TIME_SHARE, REQUEST_S, LateMessages
 from ual_daemon.backends.values import NEVER_S, Sample
 
 LIMIT_S = 3.0
-LATE_S = LATE_SHARE * LIMIT_S
+LATE_S = LATE_TIME_SHARE * LIMIT_S
 
 
 def test_a_message_is_requested_once_it_is_late_and_until_it_comes() -> None:

@@ -7,7 +7,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from ual_daemon.backends.mavlink.session.rate_fit import GROW_S, HIGH_LOSS, LASTS_S, MOST, RETRY_S, RateFit
+from ual_daemon.backends.mavlink.session.rate_fit import (
+    GROW_S,
+    HIGH_LOSS,
+    HIGHEST_LEVEL,
+    LOSS_DURATION_S,
+    RETRY_S,
+    RateFit,
+)
 
 UNUSED, USED = 0.7, 0.3
 """Parts of what the autopilot sends."""
@@ -27,7 +34,7 @@ def settle(loss_of: Callable[[RateFit], float], duration_s: float = 300.0, *, is
     fit, changes = RateFit(), []
     lately: list[float] = []
     for second in range(round(duration_s)):
-        lately = [*lately, loss_of(fit)][-round(LASTS_S) :]
+        lately = [*lately, loss_of(fit)][-round(LOSS_DURATION_S) :]
         if fit.update(float(second), sum(lately) / len(lately), is_armed=is_armed):
             changes.append(second)
     assert len(changes) <= 2 + 2 * duration_s / RETRY_S
@@ -35,7 +42,8 @@ def settle(loss_of: Callable[[RateFit], float], duration_s: float = 300.0, *, is
 
 
 @pytest.mark.parametrize(
-    ("capacity", "level"), [(1.0, 0), (0.75, 0), (0.5, 1), (0.36, 1), (0.2, 2), (0.125, 3), (0.05, MOST), (0.01, MOST)]
+    ("capacity", "level"),
+    [(1.0, 0), (0.75, 0), (0.5, 1), (0.36, 1), (0.2, 2), (0.125, 3), (0.05, HIGHEST_LEVEL), (0.01, HIGHEST_LEVEL)],
 )
 def test_an_overrun_radio_is_requested_as_much_as_it_carries(capacity: float, level: int) -> None:
     assert settle(radio(capacity)).level == level
@@ -52,7 +60,7 @@ def test_a_bad_link_gets_requests_for_all(loss: float) -> None:
     assert set(levels) <= {0, 1}
     tries_count = sum(later > earlier for earlier, later in itertools.pairwise(levels))
     assert tries_count == (5 if loss >= HIGH_LOSS else 0)
-    assert sum(levels) <= tries_count * (LASTS_S + 2.0)
+    assert sum(levels) <= tries_count * (LOSS_DURATION_S + 2.0)
 
 
 def test_one_that_is_bad_and_overrun_is_requested_what_it_carries() -> None:
@@ -77,5 +85,5 @@ def test_no_losses_lead_beyond_the_levels(losses: list[float]) -> None:
     fit = RateFit()
     for second, loss in enumerate(losses):
         fit.update(float(second), loss, is_armed=False)
-        assert 0 <= fit.level <= MOST
+        assert 0 <= fit.level <= HIGHEST_LEVEL
         assert 0.125 <= fit.share <= 1.0

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.session.sequence import SequenceGaps, SequenceUnwrapper
-from ual_daemon.backends.mavlink.session.telemetry import LATE_S, AutopilotTelemetry
+from ual_daemon.backends.mavlink.session.telemetry import LATE_MESSAGE_S, AutopilotTelemetry
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
 OFFBOARD, POSCTL = 6 << 16, 3 << 16
@@ -20,7 +20,7 @@ OFFBOARD, POSCTL = 6 << 16, 3 << 16
 def test_what_comes_in_order_is_always_newer_whatever_is_lost_between(
     first: int, gaps: list[int], rate_hz: float
 ) -> None:
-    number = SequenceUnwrapper(LATE_S)
+    number = SequenceUnwrapper(LATE_MESSAGE_S)
     sent = first
     number.update(sent, 0.0)
     for count, gap in enumerate(gaps, 1):
@@ -31,7 +31,7 @@ def test_what_comes_in_order_is_always_newer_whatever_is_lost_between(
 
 @given(order=st.permutations(range(100)))
 def test_what_comes_in_any_order_has_the_order_in_which_it_was_sent(order: list[int]) -> None:
-    number = SequenceUnwrapper(LATE_S)
+    number = SequenceUnwrapper(LATE_MESSAGE_S)
     number.update(200, 0.0)
     began = number.value
     for sent in order:
@@ -40,10 +40,10 @@ def test_what_comes_in_any_order_has_the_order_in_which_it_was_sent(order: list[
 
 
 def test_after_a_silence_any_number_is_the_next() -> None:
-    number = SequenceUnwrapper(LATE_S)
+    number = SequenceUnwrapper(LATE_MESSAGE_S)
     number.update(200, 0.0)
     before = number.value
-    number.update(100, LATE_S + 0.01)
+    number.update(100, LATE_MESSAGE_S + 0.01)
     assert number.value > before
 
 

@@ -9,7 +9,14 @@ import pytest
 from tests.ual_daemon.backends.mavlink.fakes import ADDRESS, Harness, attitude, heartbeat, packer
 from ual_daemon.backends.mavlink.wire.frames import MavlinkFrame, split
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
-from ual_daemon.backends.mavlink.wire.signing import EPOCH_S, MOST_SENDERS, OLDEST_S, SignatureVerdict, Signer, read_key
+from ual_daemon.backends.mavlink.wire.signing import (
+    EPOCH_S,
+    MOST_SENDERS,
+    OLDEST_TIMESTAMP_S,
+    SignatureVerdict,
+    Signer,
+    read_key,
+)
 from ual_daemon.settings import ConfigError
 
 KEY = bytes(range(200, 232))
@@ -149,7 +156,7 @@ def test_a_sender_that_is_received_is_not_forgotten_for_others_whose_clock_is_ah
     clock = Clock()
     ours = Signer(KEY, lambda: NOW_S + clock.now_s, clock)
     for each in range(3):
-        clock.now_s += OLDEST_S - 1.0
+        clock.now_s += OLDEST_TIMESTAMP_S - 1.0
         now = NOW + round(clock.now_s * 1e5)
         assert ours.check(Vehicle(timestamp=now, link_id=255).frame()) is SignatureVerdict.GOOD
         crowd(ours, now + 10**6 * each)
@@ -161,7 +168,7 @@ def test_what_a_forgotten_sender_signed_is_not_accepted_again() -> None:
     ours = Signer(KEY, lambda: NOW_S, clock)
     ahead = [Vehicle(timestamp=NOW + 10**7 + each, link_id=each).frame() for each in range(MOST_SENDERS)]
     assert {ours.check(frame) for frame in ahead} == {SignatureVerdict.GOOD}
-    clock.now_s = OLDEST_S + 1.0
+    clock.now_s = OLDEST_TIMESTAMP_S + 1.0
     new = Vehicle(timestamp=NOW + 10**7 + 1000, link_id=255)
     assert ours.check(new.frame()) is SignatureVerdict.GOOD  # the first of them is forgotten for it
     assert ours.check(ahead[0]) is SignatureVerdict.REPEATED
