@@ -143,7 +143,7 @@ def painters_take_their_turn() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         if painter is not None:
             patch.setattr(painter, "PICTURE_TIMEOUT_S", LIMIT_S)
-            patch.setattr(painter, "_NICENESS", 0)
+            patch.setattr(painter, "_PAINTER_NICENESS", 0)
         yield
 
 
