@@ -249,19 +249,15 @@ class Calls:
                     del self._running[key]
 
     def await_request(self, answer: CallAnswer) -> None:
-        """Adds an answer whose request has to come yet. If there are too many, the oldest of them ends."""
+        """Adds an answer whose request has to come yet. If its caller has too many, the oldest of them ends."""
         oldest = None
         with self._lock:
             self._without_request[answer] = self._loop.time()
             if len(self._without_request) > MOST_CALLS_WITHOUT_REQUEST:
-                oldest = self._oldest_without_request(answer.caller)
+                of_caller = [each for each in self._without_request if each.caller.name == answer.caller.name]
+                oldest = of_caller[0] if len(of_caller) > MOST_CALLS_WITHOUT_REQUEST else None
         if oldest is not None:
             self._end_without_request(oldest, f"{MOST_CALLS_WITHOUT_REQUEST} later calls wait for their request, too")
-
-    def _oldest_without_request(self, who: Caller) -> CallAnswer | None:
-        """Returns the oldest call of a caller whose request has not come, if too many are this caller's."""
-        of_caller = [answer for answer in self._without_request if answer.caller.name == who.name]
-        return of_caller[0] if len(of_caller) > MOST_CALLS_WITHOUT_REQUEST else None
 
     def has_request(self, answer: CallAnswer) -> None:
         """Removes an answer whose request has come, or will not come any more."""

@@ -81,7 +81,8 @@ class Headroom:
         if now_s - self._looked_s >= _MEMORY_CHECK_S:
             self._looked_s = now_s
             self._seen_bytes = self._free_bytes()
-        self._require(method, self._seen_bytes, (self._unread_count() + 1) * MOST_REQUEST_BYTES)
+        unread_count = sum(server.without_request_count for server in self.servers)
+        self._require(method, self._seen_bytes, (unread_count + 1) * MOST_REQUEST_BYTES)
 
     def require_room_to_work(self, method: str, size_bytes: int) -> None:
         """Requires room for what a request of this size, above `SMALL_REQUEST_BYTES`, needs once it is read.
@@ -97,9 +98,6 @@ class Headroom:
             self._promises = [promise for promise in self._promises if now_s - promise[0] < _PROMISE_S]
             self._require(method, self._free_bytes() - sum(promised for _, promised in self._promises), needed_bytes)
             self._promises.append((now_s, needed_bytes))
-
-    def _unread_count(self) -> int:
-        return sum(server.without_request_count for server in self.servers)
 
     def _require(self, method: str, free_bytes: float, needed_bytes: int) -> None:
         if free_bytes - RESERVE_BYTES >= needed_bytes:

@@ -53,7 +53,8 @@ class VehicleGimbals:
         """See `ual.interface.Gimbals`."""
         found = self._offer().all()
         self._vehicle.gimbals.attach()
-        return [self._named(each.info) for each in found]
+        frame_id = self._vehicle.gimbals.frame_id
+        return [replace(each.info, frame_id=frame_id(each.info.number)) for each in found]
 
     def status(self, number: int) -> GimbalStatus:
         """See `ual.interface.Gimbal`."""
@@ -150,9 +151,6 @@ class VehicleGimbals:
 
     def _offer(self) -> GimbalDrivers:
         return driver_of(self._vehicle, GimbalDrivers, "gimbals")  # type: ignore[type-abstract]  # it is only looked for
-
-    def _named(self, info: GimbalInfo) -> GimbalInfo:
-        return replace(info, frame_id=self._vehicle.gimbals.frame_id(info.number))
 
     def _gimbal(self, number: int) -> GimbalDriver:
         gimbals = self._offer().all()

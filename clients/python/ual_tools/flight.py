@@ -228,7 +228,8 @@ def _note_scaling(uav: Uav, wanted: Twist) -> None:
         limits, yaw_rate_rad_s = uav.info().limits, wanted.angular.z
         excess = _excess(wanted.linear, limits)
         if excess > 1.0:
-            note(f"ual: beyond the UAV's limits (ual info): scaled down to {_vector(wanted.linear / excess)} m/s")
+            v = wanted.linear / excess
+            note(f"ual: beyond the UAV's limits (ual info): scaled down to {v.x:.2f} {v.y:.2f} {v.z:.2f} m/s")
         if math.isfinite(yaw_rate_rad_s) and abs(yaw_rate_rad_s) > limits.yaw_rate_rad_s:
             turns_rad_s = math.copysign(limits.yaw_rate_rad_s, yaw_rate_rad_s)
             note(f"ual: beyond the UAV's limits (ual info): turns at {turns_rad_s:.2f} rad/s")
@@ -238,10 +239,6 @@ def _excess(velocity: Vector3, limits: Limits) -> float:
     """Returns the velocity as a share of the limits."""
     vertical_m_s = limits.climb_speed_m_s if velocity.z > 0.0 else limits.descent_speed_m_s
     return max(velocity.horizontal_norm() / limits.horizontal_speed_m_s, abs(velocity.z) / vertical_m_s)
-
-
-def _vector(v: Vector3) -> str:
-    return f"{v.x:.2f} {v.y:.2f} {v.z:.2f}"
 
 
 def _repeat(session: CommandSession, uav: Uav, wanted: TwistStamped, duration_s: float) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import click
 
 from ual.geometry import PointStamped, Vector3
-from ual.gimbals import AngleRange, GimbalAngles, GimbalInfo, GimbalReference, GimbalStatus
+from ual.gimbals import GimbalAngles, GimbalInfo, GimbalReference, GimbalStatus
 from ual_tools.app import UalCommand, UalGroup
 from ual_tools.help import Section
 from ual_tools.session import CommandSession, pass_session
@@ -170,14 +170,12 @@ def _done(session: CommandSession, command: str) -> None:
 def _row(info: GimbalInfo) -> tuple[str, str, str, str, str, str]:
     can = ", ".join(each.name.lower() for each in sorted(info.abilities, key=lambda it: it.value))
     limits = ", ".join(
-        f"{name} {_range_text(range_)}" for name, range_ in (("pitch", info.pitch), ("yaw", info.yaw)) if range_
+        f"{name} {range_.least_rad:.2f} to {range_.most_rad:.2f} rad"
+        for name, range_ in (("pitch", info.pitch), ("yaw", info.yaw))
+        if range_
     )
     notes = "; ".join(filter(None, ("" if info.is_connected else "is not heard", info.note)))
     return str(info.number), info.name, info.frame_id, limits, can, notes
-
-
-def _range_text(range_: AngleRange) -> str:
-    return f"{range_.least_rad:.2f} to {range_.most_rad:.2f} rad"
 
 
 def _status_text(status: GimbalStatus) -> str:

@@ -16,7 +16,6 @@ from ual.errors import (
     InvalidArgumentError,
     LinkLostError,
     RejectedByAutopilotError,
-    UalError,
     UalTimeoutError,
 )
 from ual.logs import Log, fetch, file_name
@@ -142,12 +141,9 @@ def _patiently(uav: Uav, log: Log, file: Path, show: Callable[[int, int], None],
             return fetch(uav.logs, log, file, on_progress)
         except _BROKEN as error:
             if time.monotonic() - newest_s > patience_s:
-                raise _kept(error, file) from None
+                text = f"{error.message}; what has come is in {file}.part: the same command goes on"
+                raise type(error)(text, error.metadata) from None
             time.sleep(_DOWNLOAD_RETRY_S)
-
-
-def _kept(error: UalError, file: Path) -> UalError:
-    return type(error)(f"{error.message}; what has come is in {file}.part: the same command goes on", error.metadata)
 
 
 @contextmanager

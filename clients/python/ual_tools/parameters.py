@@ -60,7 +60,15 @@ def list_parameters(session: CommandSession, pattern: str) -> None:
             session.emit(each)
         return
     rows = [
-        (each.name, each.text, each.unit, each.type.name, _range(each), _notes(each), each.description)
+        (
+            each.name,
+            each.text,
+            each.unit,
+            each.type.name,
+            range_text(replace(each, unit="")),
+            _notes(each),
+            each.description,
+        )
         for each in found
     ]
     print_table(("name", "value", "unit", "type", "range", "", "description"), rows)
@@ -212,10 +220,6 @@ def _loaded(session: CommandSession, parameters: Parameters, difference: Differe
         return None
     session.emit(found, f"{name}: {before.text} -> {found.text}")
     return found
-
-
-def _range(parameter: Parameter) -> str:
-    return range_text(replace(parameter, unit=""))
 
 
 def _notes(parameter: Parameter) -> str:

@@ -95,14 +95,11 @@ class Board:
 
     def watched_uavs(self) -> Mapping[str, WatchedUav]:
         """Returns what is known of each UAV, sorted by name and number, without those that ended a while ago."""
-        now_s = time.monotonic()
-        with self._lock:
-            self._seen = {ns: each for ns, each in self._seen.items() if not self._has_vanished(each, now_s)}
-            return dict(sorted(self._seen.items(), key=lambda item: discovery.natural_order(item[0])))
-
-    def _has_vanished(self, seen: WatchedUav, now_s: float) -> bool:
         limit_s = GONE_UAV_S if self._gone_after_s is None else self._gone_after_s
-        return seen.gone_s is not None and now_s - seen.gone_s >= limit_s
+        since_s = time.monotonic() - limit_s
+        with self._lock:
+            self._seen = {ns: each for ns, each in self._seen.items() if each.gone_s is None or each.gone_s > since_s}
+            return dict(sorted(self._seen.items(), key=lambda item: discovery.natural_order(item[0])))
 
     def _is_here(self, ns: str) -> bool:
         # The last sample of a daemon that has ended may come late: its UAV must not come back by it.

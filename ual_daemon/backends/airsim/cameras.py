@@ -214,7 +214,9 @@ class AirsimCamera(CameraDriver):
         if body is None or not any(camera.orientation):
             return Viewpoint(boots_count=place.boots_count)
         geo = None if place.projection is None else place.projection.to_geo(body.position)
-        return Viewpoint(body, place.boots_count, _relative(body, camera), geo)
+        turn = body.orientation.inverse()
+        in_body = Pose(turn.rotate(camera.position - body.position), turn * camera.orientation)
+        return Viewpoint(body, place.boots_count, in_body, geo)
 
     def _keep(self, image: EncodedImage) -> TakenPhoto:
         def make(number: int) -> TakenPhoto:
@@ -308,8 +310,3 @@ class AirsimCameras(CameraDrivers):
     def _made(self, settings: NamedCamera) -> AirsimCamera:
         number = len(self._cameras)
         return AirsimCamera(number, settings, self._fetcher.fetch, self._trail, self._place, self._trouble)
-
-
-def _relative(body: Pose, camera: Pose) -> Pose:
-    turn = body.orientation.inverse()
-    return Pose(turn.rotate(camera.position - body.position), turn * camera.orientation)

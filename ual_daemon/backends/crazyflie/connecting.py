@@ -72,7 +72,8 @@ def steps(
         UnfitError: The firmware lacks something that is needed.
     """
     tell("waiting for its answer")
-    protocol = _read_protocol((yield [ASK_PROTOCOL])[0])
+    (answer,) = yield [ASK_PROTOCOL]
+    protocol = answer[1] if len(answer) > 1 else 0
     if known is not None and known.protocol == protocol:
         (started,) = yield [log_blocks.ask_start(known.blocks[0])]
         if log_blocks.result(started) == 0:  # it has not rebooted
@@ -90,10 +91,6 @@ def steps(
     yield [log_blocks.ask_deletion(block) for block in blocks] if is_watch_only else [log_blocks.ask_reset()]
     yield from _start_log(log_toc, blocks)
     return CrazyflieFirmware(protocol, blocks, parameters, parameter_toc)
-
-
-def _read_protocol(data: bytes) -> int:
-    return data[1] if len(data) > 1 else 0
 
 
 def _table(

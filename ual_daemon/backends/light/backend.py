@@ -365,11 +365,8 @@ class LightBackend(Backend):
 
     def _is_step_needed(self) -> bool:
         """Returns whether the next step needs an update although the conditions have not changed."""
-        return self.is_update_needed() or self._is_faulty or self._has_work
-
-    @property
-    def _has_work(self) -> bool:
-        return self._faults.any_active or bool(self._late_acks) or self._cameras.is_busy
+        has_work = self._faults.any_active or self._late_acks or self._cameras.is_busy
+        return self.is_update_needed() or self._is_faulty or bool(has_work)
 
     def _camera_moment(self) -> CameraMoment:
         """Returns what its cameras see from, and what the autopilot says at the same step."""

@@ -159,7 +159,8 @@ def _sky(cast: _Cast) -> Array:
 def _ground(x: Array, y: Array, footprint: Array) -> Array:
     planes = _plain(GROUND, x.shape)
     for value in (x, y):
-        _mix(planes, _share(_grid_distance(value), LINE_M, footprint), LINE)
+        to_grid = np.abs(value - np.rint(value / np.float32(GRID_M)) * np.float32(GRID_M))
+        _mix(planes, _share(to_grid, LINE_M, footprint), LINE)
     for distance, colour in ((np.abs(y), RED), (np.abs(x), GREEN)):
         if (distance < (footprint + np.float32(AXIS_M)) / 2).any():
             _mix(planes, _share(distance, AXIS_M, footprint), colour)
@@ -176,12 +177,6 @@ def _mix(planes: Array, share: Array, colour: tuple[float, ...]) -> None:
     """Gives each pixel its share of a colour."""
     for index, value in enumerate(colour):
         planes[index] += (np.float32(value) - planes[index]) * share
-
-
-def _grid_distance(value: Array) -> Array:
-    """Returns the distance to the nearest line of the grid."""
-    distance: Array = np.abs(value - np.rint(value / np.float32(GRID_M)) * np.float32(GRID_M))
-    return distance
 
 
 def _share(distance: Array, width_m: float, footprint: Array) -> Array:

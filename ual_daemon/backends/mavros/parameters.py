@@ -83,13 +83,10 @@ class ParameterReader:
             self._queue = absent
             self._next_s, self._round_s = now_s + self._round_s, min(2.0 * self._round_s, LONGEST_ROUND_S)
         else:
-            self._queue = list(self._parameters) + self._not_requested(absent)
+            # The optional ones once: MAVROS logs an error for each that the autopilot does not have.
+            self._queue = [*self._parameters, *([] if self._optional_asked else absent)]
+            self._optional_asked = True
             self._next_s = now_s + REQUEST_PERIOD_S
-
-    def _not_requested(self, absent: list[str]) -> list[str]:
-        """Returns the optional ones, once: MAVROS logs an error for each that the autopilot does not have."""
-        asked, self._optional_asked = self._optional_asked, True
-        return [] if asked else absent
 
     def _new_optional(self, now_s: float) -> list[str]:
         """Returns those beside flying that were not requested lately, once all that a flight needs have come."""

@@ -465,11 +465,7 @@ def _milliseconds(message: Message) -> int:
 def _is_same_fix(raw: Message, fix: Message) -> bool:
     """Returns whether a GPSRAW and a NavSatFix are of one message of the autopilot."""
     names: tuple[tuple[str, str], ...] = (("lat", "latitude"), ("lon", "longitude"))
-    return all(abs(_degrees(raw[ours]) - number(fix[theirs])) < 1e-9 for ours, theirs in names)
-
-
-def _degrees(value: Any) -> float:  # noqa: ANN401
-    return number(value) / 1e7
+    return all(abs(number(raw[ours]) / 1e7 - number(fix[theirs])) < 1e-9 for ours, theirs in names)
 
 
 def target(message: Message) -> tuple[Any, ...]:

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Protocol
 from ual.recording.recorder import QueueFigures
 from ual.types import Battery, GpsFix, GpsInfo, State
 from ual_daemon._version import __version__
-from ual_daemon.backends.values import LinkReport
 from ual_daemon.program.metrics.catalogue import MetricSample
 from ual_daemon.program.metrics.setpoint_meter import BOUNDS_S, SetpointMeter
 from ual_daemon.program.metrics.threads import audit_samples, guard_samples
@@ -135,7 +134,11 @@ class UavMetrics:
                 "ual_link_round_trip_seconds": link.round_trip_s,
             }
         )
-        yield from self._known(_counts(link), "_total")
+        counts: dict[str, float | None] = {
+            "ual_link_losses": link.lost_count,
+            "ual_autopilot_reboots": link.reboots_count,
+        }
+        yield from self._known(counts, "_total")
 
     def _of_setpoints(self) -> Iterator[MetricSample]:
         counts, sum_s = self._meter.lateness
@@ -179,11 +182,8 @@ class ProcessMetrics:
     def samples(self) -> list[MetricSample]:
         """Returns all values, as they are now. From any thread."""
         of_uavs = (each for uav in self._uavs for each in uav.samples())
-        return [*self._of_process(), *self._of_recorder(), *self._of_workers(), *of_uavs]
-
-    def _of_workers(self) -> list[MetricSample]:
         audit = [] if self._audit is None else audit_samples(self._labels, self._audit.figures)
-        return [*guard_samples(self._labels), *audit]
+        return [*self._of_process(), *self._of_recorder(), *guard_samples(self._labels), *audit, *of_uavs]
 
     def _of_process(self) -> Iterator[MetricSample]:
         used = resource.getrusage(resource.RUSAGE_SELF)
@@ -201,10 +201,6 @@ class ProcessMetrics:
         yield MetricSample("ual_recorder_queue_entries", "", self._labels, queue.entries_count)
         yield MetricSample("ual_recorder_queue_bytes", "", self._labels, queue.size_bytes)
         yield MetricSample("ual_recorder_lost_entries", "_total", self._labels, queue.lost_count)
-
-
-def _counts(link: LinkReport) -> dict[str, float | None]:
-    return {"ual_link_losses": link.lost_count, "ual_autopilot_reboots": link.reboots_count}
 
 
 def _resident_bytes() -> int | None:

@@ -89,7 +89,9 @@ class _SelfTest:
     def call(self, port: int) -> None:
         """Calls each method, and compares."""
         with grpc.insecure_channel(f"127.0.0.1:{port}", _CLIENT_OPTIONS) as self._channel:
-            self._call_echo(self._channel.unary_unary("/ual.SelfTest/Echo"))
+            echo: Any = self._channel.unary_unary("/ual.SelfTest/Echo")
+            answer = echo(_REQUEST, metadata=_METADATA, timeout=TEST_TIMEOUT_S)
+            _require(answer == _REQUEST, "a unary call has another answer")
             self._call_fail(self._channel.unary_unary("/ual.SelfTest/Fail"))
             self._call_stream(self._channel.unary_stream("/ual.SelfTest/Stream"))
 
@@ -110,10 +112,6 @@ class _SelfTest:
             self._transport.end(ABANDON_S)
 
     # --- The caller ---------------------------------------------------------------------------------------------------
-
-    def _call_echo(self, echo: Any) -> None:  # noqa: ANN401
-        answer = echo(_REQUEST, metadata=_METADATA, timeout=TEST_TIMEOUT_S)
-        _require(answer == _REQUEST, "a unary call has another answer")
 
     def _call_fail(self, fail: Any) -> None:  # noqa: ANN401
         try:

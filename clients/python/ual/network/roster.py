@@ -260,14 +260,11 @@ def _of_one_name(found: Iterable[NetworkUav]) -> list[NetworkUav]:
     """Returns those that are there, as contested if they are several; else the one that was there last."""
     by_age = sorted(found, key=lambda each: each.teller.started_s)
     # A daemon that was started again at the same place is the same UAV, though the one before still counts as there.
-    present = list({_source_of(each): each for each in by_age if each.gone_s is None}.values())
+    there = (each for each in by_age if each.gone_s is None)
+    present = list({(each.publisher, each.teller.computer_id, each.addresses): each for each in there}.values())
     if len(present) > 1:
         return [_contested(each) for each in present]
     return present or sorted(by_age, key=lambda each: each.gone_s or 0.0)[-1:]
-
-
-def _source_of(uav: NetworkUav) -> tuple[object, ...]:
-    return uav.publisher, uav.teller.computer_id, uav.addresses
 
 
 def _contested(uav: NetworkUav) -> NetworkUav:

@@ -60,8 +60,8 @@ def _service(team: Team, program: Program) -> dict[str, Any]:
     if test is not None:
         service["healthcheck"] = {
             "test": test,
-            # Often until it is ready, seldom beside a flight.
-            "start_period": f"{_start_s(program)}s",
+            # Often until it is ready, seldom during a flight. A daemon waits for its autopilot as long as it takes.
+            "start_period": f"{1_000_000 if (limit_s := program.ready_limit_s) is None else max(1, round(limit_s))}s",
             "start_interval": "1s",
             "interval": "10s",
             "retries": 3,
@@ -85,11 +85,6 @@ def _test(program: Program) -> list[str] | None:
         return ["CMD", "env", f"UAL_NS={program.ns}", "ual-health"]
     test = test_of(program, "ual")
     return None if test is None else ["CMD", "bash", "-c", test]
-
-
-def _start_s(program: Program) -> int:
-    """Returns after how many seconds a program has failed: a daemon waits for its autopilot as long as it takes."""
-    return 1_000_000 if program.ready_limit_s is None else max(1, round(program.ready_limit_s))
 
 
 def _condition(team: Team, name: str) -> str:

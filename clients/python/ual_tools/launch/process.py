@@ -7,7 +7,6 @@ import contextlib
 import os
 import signal
 from functools import partial
-from typing import IO
 
 from ual_tools.launch.log import TeamLog
 from ual_tools.launch.log_file import LogFile
@@ -100,8 +99,9 @@ class TeamProcess:
         """Passes its lines on. A line that is too long comes in parts."""
         reader = asyncio.StreamReader()
         loop = asyncio.get_running_loop()
-        with _stream(pipe) as stream, contextlib.closing(file) if file else contextlib.nullcontext():
-            transport, _ = await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), stream)
+        output = os.fdopen(pipe, "rb", buffering=0)
+        with output, contextlib.closing(file) if file else contextlib.nullcontext():
+            transport, _ = await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(reader), output)
             rest = b""
             try:
                 while chunk := await reader.read(_CHUNK_BYTES):
@@ -120,7 +120,3 @@ class TeamProcess:
         self.watch.see(text)
         if file is None or not file.write(text):
             self._log.write(self.program.name, text)
-
-
-def _stream(pipe: int) -> IO[bytes]:
-    return os.fdopen(pipe, "rb", buffering=0)

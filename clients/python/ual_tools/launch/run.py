@@ -80,7 +80,7 @@ class _TeamRun:
         if self._ending.is_set():
             return
         await one.run()
-        descendants.reap(self._pids())
+        descendants.reap({each.pid for each in self._all.values() if each.pid is not None})
         if not self._ending.is_set() and (one.program.is_ending_team or not one.ready.is_set()):
             self._end_because(one)
 
@@ -186,9 +186,6 @@ class _TeamRun:
             stopped[one.program.name].set()
 
         await asyncio.gather(*(stop(self._all[name]) for name in names))
-
-    def _pids(self) -> set[int]:
-        return {each.pid for each in self._all.values() if each.pid is not None}
 
     async def _end_descendants(self) -> None:
         """Ends what has left the process group of its program."""

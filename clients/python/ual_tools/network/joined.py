@@ -61,14 +61,11 @@ class Joined:
                 self._say(f"ual: network: left out, because others have its name: {uav.described()}")
                 continue
             try:
-                found.append(_registration(uav, best_address(uav)))
+                address, teller = best_address(uav), uav.teller
+                found.append(Registration(uav.ns, teller.pid, address, uav.report.backend, teller.started_s))
             except DaemonUnreachableError as error:
                 self._say(f"ual: network: {error}")
         return found
-
-
-def _registration(uav: NetworkUav, address: str) -> Registration:
-    return Registration(uav.ns, uav.teller.pid, address, uav.report.backend, uav.teller.started_s)
 
 
 def label(uav: NetworkUav) -> str:

@@ -47,7 +47,8 @@ def _print(session: CommandSession, network: Network) -> None:
     if not sys.stdout.isatty():
         print_table((), [(*row, condition_of(uav, now_s).note) for row, uav in zip(rows, known, strict=True)])
     elif known:
-        print_table(_HEADER, rows, [_style(uav, now_s) for uav in known])
+        styles = [_GREY if uav.gone_s is not None else STYLES[condition_of(uav, now_s).level] for uav in known]
+        print_table(_HEADER, rows, styles)
         _print_trouble(known, now_s)
     else:
         click.echo(f"no UAV is on the network ({network.described}): start daemons with `ual-daemon --network`")
@@ -69,10 +70,6 @@ def trouble(uav: NetworkUav, now_s: float) -> str:
     if uav.is_old(now_s):
         return f"no telemetry for {now_s - uav.heard_s:.0f} s, {was}"
     return ""
-
-
-def _style(uav: NetworkUav, now_s: float) -> str:
-    return _GREY if uav.gone_s is not None else STYLES[condition_of(uav, now_s).level]
 
 
 def _cells(uav: NetworkUav, now_s: float) -> tuple[str, ...]:

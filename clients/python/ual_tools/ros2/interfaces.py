@@ -70,7 +70,8 @@ def ready(
         return {}
     prefix = directory / _key(ros, packages.values(), for_python_alone)
     if not prefix.is_dir():
-        _require_tools()
+        if missing := [tool for tool in _TOOLS if shutil.which(tool) is None]:
+            raise NotSupportedError(_NO_TOOLS.format(tools=" and no ".join(missing)))
         prefix.parent.mkdir(parents=True, exist_ok=True)
         with _alone(prefix.with_suffix(".lock"), tell):
             if not prefix.is_dir():
@@ -97,11 +98,6 @@ def _key(ros: RosInstallation, sources: Iterable[Path], for_python_alone: bool) 
         for path in sorted(path for path in source.rglob("*") if path.suffix in _BUILT):
             digest.update(str(path.relative_to(source.parent)).encode() + path.read_bytes())
     return digest.hexdigest()[:16]
-
-
-def _require_tools() -> None:
-    if missing := [tool for tool in _TOOLS if shutil.which(tool) is None]:
-        raise NotSupportedError(_NO_TOOLS.format(tools=" and no ".join(missing)))
 
 
 @contextmanager

@@ -6,7 +6,7 @@ import base64
 import socket
 import ssl
 import time
-from collections.abc import Generator, Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping
 from contextlib import contextmanager
 from typing import NamedTuple
 
@@ -208,14 +208,10 @@ def _head(data: bytes) -> tuple[Head, bytes] | None:
         head, separator, rest = rest.partition(_LINE + _LINE)
         if not separator:
             return None
-    headers = _headers(head.decode(errors="replace").splitlines())
+    pairs = (each.partition(":") for each in head.decode(errors="replace").splitlines())
+    headers = {name.strip().lower(): value.strip() for name, _, value in pairs}
     is_table = is_old_table or "sourcetable" in headers.get("content-type", "").lower()
     return Head(_status(line), line, headers, is_table), rest
-
-
-def _headers(lines: Sequence[str]) -> dict[str, str]:
-    pairs = (line.partition(":") for line in lines)
-    return {name.strip().lower(): value.strip() for name, _, value in pairs}
 
 
 def _status(line: str) -> int:

@@ -11,7 +11,7 @@ from ual_tools import condition
 from ual_tools.condition import STYLES
 from ual_tools.output import pose_text, running_text
 from ual_tools.teleop.pilot import TELEMETRY_AGE_LIMIT_S, StickMode, View
-from ual_tools.teleop.speeds import LEVELS, SpeedLevel
+from ual_tools.teleop.speeds import LEVELS
 from ual_tools.watch_table import STATE_STYLES, TableRow
 
 _NAME_COLUMNS = 11
@@ -104,16 +104,11 @@ def _sticks(view: View, question: str) -> list[_Row]:
 
 def _meaning(view: View) -> str:
     axes = "east and north" if view.is_headless else "the nose"
-    what = _velocities(view.speeds) if view.mode is StickMode.VELOCITY else _steps(view.speeds)
+    speeds = view.speeds
+    what = f"steps of {speeds.step_m:g} m, {speeds.turn_step_deg:g}°"
+    if view.mode is StickMode.VELOCITY:
+        what = f"{speeds.horizontal_m_s:g} m/s, up {speeds.vertical_m_s:g} m/s, {speeds.turn_deg_s:.0f}°/s"
     return f"{view.mode.value} along {axes}, level {view.level + 1} of {len(LEVELS)}: {what}"
-
-
-def _velocities(speeds: SpeedLevel) -> str:
-    return f"{speeds.horizontal_m_s:g} m/s, up {speeds.vertical_m_s:g} m/s, {speeds.turn_deg_s:.0f}°/s"
-
-
-def _steps(speeds: SpeedLevel) -> str:
-    return f"steps of {speeds.step_m:g} m, {speeds.turn_step_deg:g}°"
 
 
 def _refused(view: View) -> str:

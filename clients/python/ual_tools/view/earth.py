@@ -30,7 +30,7 @@ class Tile(NamedTuple):
 
     def corners(self) -> tuple[EarthPosition, EarthPosition, EarthPosition, EarthPosition]:
         """Returns its corners: north-west, north-east, south-east, south-west."""
-        west, east = (self._longitude_deg(x) for x in (self.x, self.x + 1))
+        west, east = (360.0 * x / (1 << self.z) - 180.0 for x in (self.x, self.x + 1))
         north, south = (self._latitude_deg(y) for y in (self.y, self.y + 1))
         return (
             EarthPosition(north, west),
@@ -38,9 +38,6 @@ class Tile(NamedTuple):
             EarthPosition(south, east),
             EarthPosition(south, west),
         )
-
-    def _longitude_deg(self, x: int) -> float:
-        return 360.0 * x / (1 << self.z) - 180.0
 
     def _latitude_deg(self, y: int) -> float:
         return math.degrees(math.atan(math.sinh(math.pi * (1.0 - 2.0 * y / (1 << self.z)))))

@@ -46,18 +46,14 @@ def laid_out(wanted: Iterable[Wanted], camera: PageCamera, fixed: Iterable[Fixed
     """
     placed = [_box(each.text, x, y + _LINE_PX / 2.0) for each in fixed for x, y in _pixels(each.place, camera)]
     found: dict[str, Vector3] = {}
-    for label, (x, y, ahead_m) in _in_order(wanted, camera):
+    visible = [(label, pixel) for label in wanted if (pixel := camera.pixel(label.place)) is not None]
+    for label, (x, y, ahead_m) in sorted(visible, key=lambda each: (not each[0].is_urgent, each[1][2], each[0].name)):
         lines = _free_row(_box(label.text, x, y), placed)
         if lines > _MOST_LINES and not label.is_urgent:
             continue
         placed.append(_box(label.text, x, y - lines * _LINE_PX))
         found[label.name] = label.place + camera.up * (lines * _LINE_PX / camera.pixels_per_m(ahead_m))
     return found
-
-
-def _in_order(wanted: Iterable[Wanted], camera: PageCamera) -> list[tuple[Wanted, tuple[float, float, float]]]:
-    seen = [(label, pixel) for label in wanted if (pixel := camera.pixel(label.place)) is not None]
-    return sorted(seen, key=lambda each: (not each[0].is_urgent, each[1][2], each[0].name))
 
 
 def _pixels(place: Vector3, camera: PageCamera) -> Iterator[tuple[float, float]]:

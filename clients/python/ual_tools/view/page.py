@@ -105,7 +105,8 @@ class Page:
         """Draws what follows the camera: with each picture, because labels must stay at their UAVs."""
         self._moment = moment
         if not self._is_framed:
-            self._frame_those_that_fly(moment)
+            flying = [uav for uav in moment.uavs.values() if uav.is_flying]
+            self._is_framed = self._frame(flying or list(moment.uavs.values()))
         self._labels.update(moment.uavs.values(), frozenset(self._chosen))
 
     def update(self, moment: Moment) -> None:
@@ -168,11 +169,6 @@ class Page:
         async def _(_: object) -> None:
             if self._moment is not None:
                 self._frame([uav for ns, uav in self._moment.uavs.items() if ns in self._chosen])
-
-    def _frame_those_that_fly(self, moment: Moment) -> None:
-        """Looks at all UAVs that fly when the page is opened, or at all where none flies."""
-        flying = [uav for uav in moment.uavs.values() if uav.is_flying]
-        self._is_framed = self._frame(flying or list(moment.uavs.values()))
 
     def _frame(self, uavs: Sequence[Shown]) -> bool:
         """Turns the camera to some UAVs. Returns whether it could."""

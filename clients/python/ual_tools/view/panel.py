@@ -47,7 +47,9 @@ def details(uav: Shown, seen: WatchedUav, *, now_s: float, carried: Sequence[tup
     telemetry, age = seen.telemetry, f"telemetry {now_s - seen.since_s:.1f} s old, pose {uav.age_s:.1f} s old"
     if telemetry is None:
         return f"### {plain(uav.label)}"
-    lines = [*_rows(telemetry), ("link", f"{age}{_quality(telemetry)}")]
+    share = None if telemetry.health is None else telemetry.health.link_quality
+    quality = "" if share is None else f"; {100.0 * share:.0f} % of the autopilot's messages arrive"
+    lines = [*_rows(telemetry), ("link", age + quality)]
     if uav.is_lost:
         return f"### {plain(uav.label)}\n\nWhat was known then ({uav.age_s:.1f} s old):\n\n{_table(lines)}"
     return f"### {plain(uav.ns)}: {plain(telemetry.state.name)}\n\n{_table([*lines, *carried])}"
@@ -75,8 +77,3 @@ def _rows(t: Telemetry) -> list[tuple[str, str]]:
             ("checks that fail", "; ".join(t.health.failing_checks)),
         ]
     return [*found, ("frame lost", t.frame_lost)]
-
-
-def _quality(t: Telemetry) -> str:
-    quality = None if t.health is None else t.health.link_quality
-    return "" if quality is None else f"; {100.0 * quality:.0f} % of the autopilot's messages arrive"

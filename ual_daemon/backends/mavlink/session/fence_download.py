@@ -8,7 +8,7 @@ from concurrent.futures import Future
 
 from ual.errors import ResourceExhaustedError, UalError
 from ual_daemon.backends.firmwares.fence_zones import FenceItem, FoundZones, find_zones
-from ual_daemon.backends.firmwares.mission_items import MissionItem, MissionList, MissionType
+from ual_daemon.backends.firmwares.mission_items import MissionList, MissionType
 from ual_daemon.backends.mavlink.protocols.mission_transfers import MissionTransfers
 from ual_daemon.backends.mavlink.session.conversions import degrees
 
@@ -102,7 +102,11 @@ class FenceDownload:
         if error is None:
             read = done.result()
             self._read_id = read.opaque_id
-            self._end(find_zones([_fence_item(each) for each in read.items]), now_s)
+            items = [
+                FenceItem(each.command, each.frame, each.param1, degrees(each.x), degrees(each.y))
+                for each in read.items
+            ]
+            self._end(find_zones(items), now_s)
         elif isinstance(error, ResourceExhaustedError) and "items" in error.message:
             self._end(FoundZones(why=error.message), now_s)
         else:
@@ -116,7 +120,3 @@ class FenceDownload:
         self._next_s = now_s + self._pause_s
         self._pause_s = min(2.0 * self._pause_s, LONGEST_PAUSE_S)
         self._on_failed(why)
-
-
-def _fence_item(item: MissionItem) -> FenceItem:
-    return FenceItem(item.command, item.frame, item.param1, degrees(item.x), degrees(item.y))

@@ -60,14 +60,11 @@ class ModeNames:
         """Takes AVAILABLE_MODES: one of the modes. A standard mode has no name there."""
         number = message.custom_mode
         if len(self._names) < MOST_NAMES or number in self._names:
-            self._names[number] = _printable(message.mode_name)
+            printable = "".join(each for each in message.mode_name if each.isprintable())
+            self._names[number] = printable[:LONGEST_NAME_CHARACTERS].strip()
 
     def on_monitor(self, message: Message, now_s: float, _: float) -> None:
         """Takes AVAILABLE_MODES_MONITOR: it has another number once the modes have changed."""
         if self._version not in (None, message.seq):
             self.forget()
         self._version = message.seq
-
-
-def _printable(name: str) -> str:
-    return "".join(each for each in name if each.isprintable())[:LONGEST_NAME_CHARACTERS].strip()

@@ -184,7 +184,7 @@ class MavrosParameters(AutopilotParameters):
 
         def listed(on_server: object) -> Future[list[Parameter]]:
             known = on_server if isinstance(on_server, dict) else {}
-            found = [_parameter(name, value) for name, value in sorted(known.items()) if _is_number(value)]
+            found = [_parameter(name, value) for name, value in sorted(known.items()) if isinstance(value, int | float)]
             return done(found) if len(found) == count else self._checked([each.name for each in found], count)
 
         return then_wait(self._on_server(""), listed)
@@ -286,10 +286,6 @@ def _parameters(names: Sequence[str], values: Sequence[Message]) -> Iterator[Par
 
 def _zero_of(name: str, on_server: object) -> Parameter | None:
     return _parameter(name, 0 if isinstance(on_server, int) else 0.0)
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float)
 
 
 def _all_of(found: list[Parameter], count: int) -> list[Parameter]:
