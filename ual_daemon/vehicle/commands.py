@@ -506,8 +506,10 @@ class Commands:
                     f"{name}: arming belongs to the safety pilot; this daemon may arm only when started with "
                     "--allow-arming"
                 )
-            self._preconditions.require_state(name, lease_id, needed)
-            if not is_armed:
+            snapshot = self._preconditions.require_state(name, lease_id, needed)
+            if is_armed:
+                self._preconditions.require_no_fall(name, snapshot)
+            else:
                 self._flight.require_replaceable(name)  # a take-off that has begun
             command = AutopilotCommand(name)
             future = self._flight.watch(

@@ -11,12 +11,15 @@ from ual_daemon.backends.offers.missions import AutopilotMissions
 from ual_daemon.backends.values import Cause, Snapshot
 from ual_daemon.flight.flight import Flight
 from ual_daemon.flight.manoeuvres.manoeuvre import ONLY_OTHERS_END_IT, takes_back
+from ual_daemon.flight.policy.following import FALL_M_S
 from ual_daemon.flight.refusals import only_watching, shutting_down
 from ual_daemon.flight.state import Estimate
 from ual_daemon.vehicle.refusal_log import RefusalLog
 
 _ALWAYS = frozenset({"land", "abort", "cancel", "disarm", "pause", "set_home", "recover_from_manual"})
-"""Commands that are possible also where the UAV does not follow: they end a motion, or begin none."""
+"""Commands that are possible also where the UAV does not follow, or its motors are stopped: they end a motion, or begin
+none.
+"""
 
 
 class Preconditions(RefusalLog):
@@ -70,6 +73,24 @@ class Preconditions(RefusalLog):
                 f"{command}: others have flown the UAV since it was armed, so it stays on the ground until it was "
                 "disarmed once, or until recover_from_manual takes control back",
                 {"state": State.LANDED_ARMED.name, "needed": "recover_from_manual", "command": command},
+            )
+
+    def require_no_fall(self, command: str, snapshot: Snapshot) -> None:
+        """Checks that the UAV does not fall by its velocity, as one that was just disarmed in the air.
+
+        The watch of what follows takes longer: to a daemon that is new, a UAV may be carried, as in a lift.
+
+        Raises:
+            WrongStateError: It falls.
+
+        """
+        velocity = snapshot.motion.velocity
+        if velocity is None or snapshot.time_s - velocity.time_s > self._backend.freshness.pose_s:
+            return
+        if (down_m_s := -velocity.value.linear.z) > FALL_M_S:
+            raise WrongStateError(
+                f"{command}: the UAV falls at {down_m_s:.0f} m/s; it is armed again once it lies still",
+                {"state": State.LANDED_DISARMED.name, "needed": "standing still", "command": command},
             )
 
     def require_recoverable(self, command: str) -> tuple[State, ...]:
@@ -136,10 +157,8 @@ class Preconditions(RefusalLog):
 
     def failsafe_refusal(self, command: str, snapshot: Snapshot, *, force: bool) -> WrongStateError | None:
         """Returns the refusal of a command because of a failsafe; None if none hinders it, or if it is forced."""
-        if Cause.TERMINATION in (snapshot.control.held_by, snapshot.control.failsafe):
-            why = f"{command}: the autopilot has stopped the motors (flight termination, or a kill switch)"
-            metadata = {"by": Cause.TERMINATION.value, "command": command}
-            return WrongStateError(f"{why}; {takes_back(Cause.TERMINATION)}", metadata)
+        if _are_motors_stopped(snapshot):
+            return _motors_stopped(command)
         held_by = _needing_force(snapshot.control.held_by)
         cause = held_by or _needing_force(snapshot.control.failsafe)
         if force or cause is None:
@@ -156,7 +175,8 @@ class Preconditions(RefusalLog):
         """Returns the snapshot in which the state is one of the allowed ones. `lease_id` is that of the command.
 
         Raises:
-            WrongStateError: The state is another one, or UAL is shutting down.
+            WrongStateError: The state is another one, the UAV does not follow, its motors are stopped, or UAL is
+                shutting down.
             LinkLostError: Nothing is received from the autopilot.
             PermissionDeniedError: This daemon only watches.
             LeaseHeldError: Another program holds the lease.
@@ -171,13 +191,18 @@ class Preconditions(RefusalLog):
             raise refusal
         snapshot = self._backend.snapshot()
         found = self._flight.estimate(snapshot)
+        # The autopilot's word is enough: the watch of what follows needs a look more, and in a landing a fall of 1 m.
+        is_stopped = _are_motors_stopped(snapshot) and command not in _ALWAYS
         if found.state in allowed:
             if self._flight.following.why and command not in _ALWAYS:
                 refusal = self._flight.following.refusal(command, found.state)
                 if refusal is not None:
                     raise refusal
-            return snapshot
+            if not is_stopped:
+                return snapshot
         _require_link(command, found)
+        if is_stopped and found.state is not State.UNINITIALIZED:  # by old data, or another vehicle's, nothing is known
+            raise _motors_stopped(command)
         needed = " or ".join(state.name for state in allowed)
         raise WrongStateError(
             f"{command} needs the state {needed}, but it is {found.state.name}: {found.why}"
@@ -203,6 +228,19 @@ def _remedy(command: str, state: State, snapshot: Snapshot, allowed: Collection[
     if state in (State.LANDING, State.TAKING_OFF) and held_by not in (None, Cause.OPEN):
         return f"; {ONLY_OTHERS_END_IT}"
     return ""
+
+
+def _are_motors_stopped(snapshot: Snapshot) -> bool:
+    """Returns whether the autopilot says that it keeps the motors stopped, in the air or on the ground."""
+    return Cause.TERMINATION in (snapshot.control.failsafe, snapshot.control.held_by)
+
+
+def _motors_stopped(command: str) -> WrongStateError:
+    return WrongStateError(
+        f"{command}: the autopilot has stopped the motors (flight termination, or a kill switch); "
+        f"{takes_back(Cause.TERMINATION)}",
+        {"by": Cause.TERMINATION.value, "command": command},
+    )
 
 
 def _needing_force(cause: Cause | None) -> Cause | None:

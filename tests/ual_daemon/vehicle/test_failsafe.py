@@ -6,8 +6,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.ual_daemon.stepped import Stepped, at, stepped
+from tests.ual_daemon.stepped import STEP_S, Stepped, at, stepped
 from ual.errors import InvalidArgumentError, TaskAbortedError, WrongStateError
+from ual.geometry import Twist, Vector3
 from ual.simulation import AckLost, Command, CommandRefused, FailsafeTriggered
 from ual.types import Health, RecoverFromManualRequest, State, TakeOffRequest
 from ual_daemon.backends.values import Cause
@@ -96,6 +97,32 @@ def test_no_take_off_into_each_failsafe_and_the_refusal_names_it(uav: Stepped, c
     with pytest.raises(WrongStateError, match=f"{cause} is active.*only with force") as caught:
         uav.prepare.take_off(3.0)
     assert (caught.value.metadata["by"], caught.value.metadata["needed"]) == (cause, "force")
+
+
+@pytest.mark.parametrize("where", ["disarmed", "armed", "flies"])
+def test_nothing_that_moves_is_accepted_while_the_autopilot_stops_its_motors(uav: Stepped, where: str) -> None:
+    if where == "flies":
+        uav.fly()
+    elif where == "armed":
+        uav.arm()
+    uav.sim.begin_fault(FailsafeTriggered(Cause.TERMINATION.value))
+    uav.run(STEP_S)  # no watch of the motion can have found it
+    commands = uav.vehicle.commands
+    for moves in (
+        lambda: uav.prepare.go_to_waypoint(at(1.0, 0.0, 3.0)),
+        uav.prepare.return_to_launch,
+        lambda: uav.prepare.take_off(3.0),
+        lambda: commands.setpoints.set_velocity(Twist(Vector3(1.0, 0.0, 0.0))),
+        lambda: commands.setpoints.set_pose(at(1.0, 0.0, 3.0)),
+        commands.arm,
+    ):
+        with pytest.raises(WrongStateError, match="has stopped the motors") as caught:
+            moves()
+        assert caught.value.metadata["by"] == Cause.TERMINATION.value
+    if where == "armed":
+        uav.end(commands.disarm())
+    elif where == "flies":
+        uav.prepare.land()
 
 
 def test_setpoints_that_were_lost_are_left_without_force(uav: Stepped) -> None:
