@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import math
 import re
 from collections.abc import Callable, Mapping
 from contextvars import ContextVar
@@ -14,6 +15,8 @@ if TYPE_CHECKING:
 
 _LONGEST_VALUE_CHARACTERS = 300
 """In characters. Callers give names and values: they must not fill the log."""
+CALM_S = 10.0
+"""Seconds without an event that recurs after which it has settled."""
 _PLAIN_VALUE = re.compile(r"[^\s\"\\=\x00-\x1f\x7f]+")
 
 caller: ContextVar[Callable[[], str] | None] = ContextVar("ual_caller", default=None)
@@ -49,6 +52,42 @@ def event(logger: logging.Logger, level: int, event: str, /, **fields: object) -
     if get_caller is not None:
         fields.setdefault("caller", get_caller())
     logger.log(level, "%s", _LogText(event, fields), extra={"ual_event": event, "ual_fields": fields}, stacklevel=2)
+
+
+class RecurringEvent:
+    """An event that data may cause with each update, as they go back and forth. Belongs to one thread.
+
+    It is logged at once, and then not again until none has come for `CALM_S`. What it came to is logged then.
+    """
+
+    def __init__(self, logger: logging.Logger, level: int, name: str) -> None:
+        self._logger, self._level, self._name = logger, level, name
+        self._newest_s = -math.inf
+        self._logged: Mapping[str, object] = {}
+        self._left_out: Mapping[str, object] | None = None
+        """Details of the newest event, where it was not logged."""
+
+    def note(self, now_s: float, **fields: object) -> None:
+        """Takes an event and its details. `now_s` is by any clock that is always the same."""
+        is_first = not 0.0 <= now_s - self._newest_s < CALM_S
+        self._newest_s = now_s
+        if is_first:
+            self._log(fields)
+        else:
+            self._left_out = fields
+
+    def settle(self, now_s: float) -> bool:
+        """Logs what it came to, if none has come for long. Returns whether nothing is left to log."""
+        left_out = self._left_out
+        if left_out is not None and now_s - self._newest_s >= CALM_S:
+            if left_out != self._logged:
+                self._log(left_out)
+            self._left_out = None
+        return self._left_out is None
+
+    def _log(self, fields: Mapping[str, object]) -> None:
+        self._logged, self._left_out = fields, None
+        event(self._logger, self._level, self._name, **fields)
 
 
 class _LogText:

@@ -29,3 +29,23 @@ def test_a_value_cannot_resemble_another_field_or_fill_the_log(caplog: pytest.Lo
     logs.event(_log, logging.WARNING, "command", what="a=1\nb", long="x" * 400)
     [text] = caplog.messages
     assert text == f'command what="a=1\\nb" long="{"x" * 300}... (400 characters)"'
+
+
+def test_an_event_that_recurs_is_logged_at_once_and_once_it_has_settled_elsewhere(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    moved = logs.RecurringEvent(_log, logging.WARNING, "moved")
+    for step in range(100):
+        moved.note(100.0 + step * 0.1, x=step % 2)
+        assert moved.settle(100.0 + step * 0.1) is (step == 0)
+    assert caplog.messages == ["moved x=0"]
+    assert not moved.settle(119.8)
+    assert moved.settle(120.0)
+    assert caplog.messages == ["moved x=0", "moved x=1"]
+    moved.note(121.0, x=2)
+    moved.note(121.5, x=3)
+    moved.note(122.0, x=2)  # where it was logged already
+    assert moved.settle(140.0)
+    assert caplog.messages == ["moved x=0", "moved x=1", "moved x=2"]
+    moved.note(3.0, x=4)  # another boot's clock
+    assert caplog.messages[-1] == "moved x=4"

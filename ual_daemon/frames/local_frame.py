@@ -73,6 +73,7 @@ class LocalFrame:
         self._is_settled = False
         self._is_kept, self._must_save, self._saves_count = False, False, 0
         self._began_s: float | None = None
+        self._home_followed = logs.RecurringEvent(_log, logging.WARNING, "home_followed")
 
     def open(self) -> None:
         """Reads the file. To be called once, before the first update."""
@@ -103,7 +104,8 @@ class LocalFrame:
                 return
             why = f"the autopilot's position jumped by {jump.norm():.1f} m, and nothing ties the frame to Earth"
             if self.home.geo is None:
-                self.home = _noticed(self.home.lost(why, SET_HOME))
+                home = self.home.lost(why, SET_HOME)
+                self.home = home if self.home.loss is not None else _noticed(home)  # jumps may come one after another
             if self.start.geo is None:
                 self.start = self.start.lost(why, SET_HOME)
 
@@ -145,7 +147,7 @@ class LocalFrame:
         self._follow_origin(snapshot)
         self._restore(snapshot)
         self._tie(snapshot)
-        self._is_settled = self._is_all_known(snapshot)
+        self._is_settled = self._home_followed.settle(snapshot.time_s) and self._is_all_known(snapshot)
         return before != (self.home, self.start, self.map_loss, self.projection)
 
     def _begin_boot(self, snapshot: Snapshot) -> None:
@@ -190,7 +192,7 @@ class LocalFrame:
         self.projection = new
         if new == old:
             return
-        self.home, self.start = self._followed(self.home, new), self._followed(self.start, new)
+        self.home, self.start = self._home_in(new, snapshot.time_s), self._followed(self.start, new)
         self._is_new_boot, self.map_loss = False, None
 
     def _lose_tied(self, what: str) -> None:
@@ -199,16 +201,19 @@ class LocalFrame:
         self.home, self.start = (each if each.geo is None else each.lost(why, WAIT) for each in (self.home, self.start))
         self.map_loss = Loss(why, utc_text(), "it is known again once the autopilot has said so")
 
+    def _home_in(self, projection: Projection, now_s: float) -> Anchor:
+        """Returns home in a local frame that lies elsewhere on Earth now."""
+        before, home = self.home, self._followed(self.home, projection)
+        if home is not before and (before.loss is not None or (home.local - before.local).norm() > _NOTICED_M):
+            x, y, z = home.local
+            self._home_followed.note(now_s, x=round(x, 2), y=round(y, 2), z=round(z, 2))
+            if not self._is_kept:  # it stays where it is on Earth: it is saved once
+                self._is_kept = self._must_save = True
+        return home
+
     def _followed(self, anchor: Anchor, projection: Projection) -> Anchor:
-        if anchor.geo is None or self._saved is not None:
-            return anchor
-        followed = anchor.followed(projection)
-        moved = followed.local - anchor.local
-        if anchor is self.home and (anchor.loss is not None or moved.norm() > _NOTICED_M):
-            x, y, z = followed.local
-            logs.event(_log, logging.WARNING, "home_followed", x=round(x, 2), y=round(y, 2), z=round(z, 2))
-            self._is_kept = self._must_save = True
-        return followed
+        is_tied = anchor.geo is not None and self._saved is None
+        return anchor.followed(projection) if is_tied else anchor
 
     def _has_fix(self, snapshot: Snapshot) -> bool:
         if snapshot.condition.gps is not None:

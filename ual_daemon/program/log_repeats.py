@@ -13,7 +13,10 @@ from dataclasses import dataclass
 REPEAT_PERIOD_S = 10.0
 _MOST_KINDS = 100
 """Most different lines that are remembered; further ones are written as they come."""
-_COUNTED_EVENTS = ("refused", "call_failed", "caller_gone", "autopilot_rebooted", "external_pose_dropped")
+_COUNTED_EVENTS = ("call_failed", "caller_gone")
+"""Events that are counted, though they are no warnings."""
+_WRITTEN_EVENTS = ("state",)
+"""Warnings that are always written: the sequence of states must be complete."""
 _NOT_COMPARED = ("caller", "repeated", "reboots_count", "detail")
 
 
@@ -61,7 +64,8 @@ def _key(record: logging.LogRecord) -> Hashable | None:
     name: str | None = getattr(record, "ual_event", None)
     if name is None:
         return (record.name, record.getMessage()) if record.levelno >= logging.WARNING else None
-    if name not in _COUNTED_EVENTS:
+    is_warning = record.levelno >= logging.WARNING and name not in _WRITTEN_EVENTS
+    if not is_warning and name not in _COUNTED_EVENTS:
         return None
     fields: dict[str, object] = getattr(record, "ual_fields", {})
     compared = tuple((key, str(value)) for key, value in fields.items() if key not in _NOT_COMPARED)

@@ -133,6 +133,14 @@ def test_a_backend_that_reports_no_receiver_is_believed_after_a_while() -> None:
     assert frame.home.geo is not None
 
 
+def test_jumps_one_after_another_lose_a_frame_once(caplog: pytest.LogCaptureFixture) -> None:
+    indoors = LocalFrame()
+    indoors.update(at(0.0, None, gps=NO_FIX))
+    for _ in range(5):
+        indoors.estimate_jumped(Vector3(5.0, 0.0, 0.0))
+    assert [each.split()[0] for each in caplog.messages] == ["frame_lost"]
+
+
 def test_a_jump_of_the_estimate_loses_only_what_nothing_ties_to_earth(frame: LocalFrame) -> None:
     frame.estimate_jumped(Vector3(5.0, 0.0, 0.0))
     assert frame.home.loss is None

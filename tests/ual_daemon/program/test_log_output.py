@@ -239,6 +239,16 @@ def test_warnings_without_fields_are_counted_and_commands_are_not(log: Log) -> N
     ]
 
 
+def test_warnings_with_fields_are_counted_and_states_are_not(log: Log) -> None:
+    """A text that an autopilot repeats ten times a second filled the log."""
+    log.begin("json")
+    for _ in range(3):
+        logs.event(LOG, logging.ERROR, "autopilot_says", text="Potential Thrust Loss", severity=0)
+        logs.event(LOG, logging.WARNING, "state", old="FLYING_AUTO", new="UNINITIALIZED", why="no data")
+    found = [(row["event"], row.get("repeated")) for row in map(json.loads, log.rows())]
+    assert found == [("autopilot_says", None), *[("state", None)] * 3, ("autopilot_says", 2)]
+
+
 def test_the_number_is_written_when_the_period_is_over() -> None:
     now_s = [0.0]
     handler = log_output.BackgroundHandler(stream := io.StringIO(), clock=lambda: now_s[0])

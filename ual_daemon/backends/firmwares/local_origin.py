@@ -35,6 +35,7 @@ class LocalOrigin:
         self._origin: Projection | None = None
         self._newest: tuple[int, Vector3, Vector3] | None = None
         self._doubts_count = 0
+        self._doubted = logs.RecurringEvent(_log, logging.WARNING, "origin_doubted")
         self.is_wanted = False
         """Whether the origin should be requested now. The caller sets this back."""
 
@@ -73,5 +74,5 @@ class LocalOrigin:
             return
         self._doubts_count += 1
         if self._doubts_count == _CONTRARY_POSITIONS_COUNT:
-            logs.event(_log, logging.WARNING, "origin_doubted", why="its positions contradict its origin on Earth")
+            self._doubted.note(boot_ms / 1000.0, why="its positions contradict its origin on Earth")
         self.is_wanted = self._doubts_count >= _CONTRARY_POSITIONS_COUNT

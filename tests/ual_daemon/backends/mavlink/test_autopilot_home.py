@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import pytest
 
@@ -115,3 +116,33 @@ def test_a_height_that_contradicts_home_asks_for_it_and_counts_at_once(flight: F
     assert flight.backend.snapshot().earth.home_altitude_amsl_m == pytest.approx(before_m - 2.0, abs=0.05)
     assert flight.uav.state() is State.FLYING_AUTO
     flight.land()
+
+
+def test_an_origin_that_goes_back_and_forth_is_logged_when_it_begins_and_once_it_has_settled(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    """A PX4 without a position filled the log with `origin_doubted` and `home_followed`, up to ten times a second."""
+    flight = Flight("px4")
+    try:
+        flight.wait_for_state(State.LANDED_DISARMED)
+        origin = flight.autopilot.projection
+        places = [origin.to_geo(Vector3(east_m, 0.0, 0.0)) for east_m in (*(4.0, 0.0) * 10, 8.0)]
+
+        def move() -> None:
+            place = places.pop(0)
+            moved = replace(origin, latitude_deg=place.latitude_deg, longitude_deg=place.longitude_deg)
+            flight.autopilot.projection = moved
+            if places:
+                flight.autopilot.at(0.3, move)
+
+        with flight.autopilot.lock:
+            move()
+        flight.let_pass(8.0)
+        names = [record.__dict__.get("ual_event") for record in caplog.records]
+        assert (names.count("origin_doubted"), names.count("home_followed")) == (1, 1)
+        flight.let_pass(12.0)
+        followed = [record for record in caplog.records if record.__dict__.get("ual_event") == "home_followed"]
+        assert len(followed) == 2
+        assert followed[-1].__dict__["ual_fields"]["x"] == pytest.approx(-8.0, abs=0.1)
+    finally:
+        flight.uav.close()
