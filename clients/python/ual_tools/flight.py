@@ -30,7 +30,7 @@ _TOLD_S, _LOOK_S = 1.0, 0.02
 """Patience for the sample after a new home, and the pause between two looks."""
 _SAME_HEIGHT_M = 0.5
 """An estimate of the ground wanders by as much."""
-_GOES_ON = "goes on if it has begun: ual abort ends it only on a vehicle without a safety pilot"
+_GOES_ON = "goes on if it has begun: ual abort ends it only where there is no safety pilot"
 
 
 @command("arm", "ual arm", multi=Multi.EACH)

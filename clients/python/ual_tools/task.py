@@ -10,7 +10,7 @@ from ual_tools.help import Section
 from ual_tools.session import CommandSession, pass_session
 
 _INTERRUPTED = (
-    f"{manoeuvre.CANCELLED}; a landing that has begun goes on: ual abort ends it only on a vehicle without a safety pilot"
+    f"{manoeuvre.CANCELLED}; a landing that has begun goes on: ual abort ends it only where there is no safety pilot"
 )
 
 
