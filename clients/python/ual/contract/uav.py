@@ -15,7 +15,7 @@ from ual.geometry import Pose, Transform, Twist, Vector3
 
 
 class State(Enum):
-    """State of the UAV, estimated from the autopilot's data at each update: the first of these that holds."""
+    """State of the UAV, estimated from the autopilot's data at each update."""
 
     UNINITIALIZED = 1
     """Nothing can be done: no fresh data, no pose, or the estimator has not converged.
@@ -149,9 +149,9 @@ class GpsInfo:
     Args:
         satellites_count: 0 where it is not reported, or none is received.
         horizontal_accuracy_m: One standard deviation.
-        corrections_age_s: How long ago the last corrections (RTK) came to it, or were sent to it where it does not
-            tell; None where none were.
-        baseline_m: The distance from the base station whose corrections it uses, where it tells.
+        corrections_age_s: Age of the last RTK corrections that the receiver reports, or that were sent to it; None if
+            there were none.
+        baseline_m: Distance from the base station whose corrections it uses; None if it does not report that.
 
     """
 
@@ -168,16 +168,15 @@ class Health:
     """Health of the autopilot by its own report, before and during the flight.
 
     Args:
-        is_ready_to_arm: Whether its own checks would let it be armed; None where it does not say.
-        failing_checks: What fails of its checks and sensors, human-readable; empty where nothing does, or where it does
-            not say. What begins with "daemon: " fails in the daemon itself, such as its audit. Texts of the autopilot
-            that are critical or worse begin with "autopilot: ", for 30 s, and what is wrong with the position with
-            "position: ".
-        link_quality: The part of its messages that arrived of late, 0 to 1; None where that is not measured.
-        failsafe: The failsafe that is active, in the words of the metadata `by`: "battery failsafe", "rc failsafe",
-            "fence", ...; empty: none. Take-off and recovery are refused meanwhile, unless they are forced.
-        held_by: What holds the control in the present mode, where it is not this daemon, in the same words; empty where
-            that is not known.
+        is_ready_to_arm: Whether the autopilot's own checks permit arming; None if it does not report that.
+        failing_checks: Failing checks and sensors, human-readable; empty if none fails or none is reported. The
+            beginning "daemon: " marks failures of the daemon itself, such as its audit. "position: " marks problems of
+            the position, and "autopilot: " texts of the autopilot that are critical or worse, for 30 s.
+        link_quality: Recent fraction of the autopilot's messages that arrived, 0 to 1; None if that is not measured.
+        failsafe: The active failsafe, in the words of the metadata `by`: "battery failsafe", "rc failsafe", "fence",
+            ...; empty: none. While it is active, take-off and recovery are refused, unless forced.
+        held_by: The holder of control in the present mode, in the same words; empty if that is this daemon, or not
+            known.
 
     """
 
@@ -194,10 +193,10 @@ class TaskInfo:
 
     Args:
         progress: 0 to 1, where it is known.
-        waypoint_index: Of FollowPath: the waypoint it flies to, counted from 0. Of a mission: its item, counted from 0.
+        waypoint_index: The waypoint to which a path leads now, or the present item of a mission; counted from 0.
         error: Set when it was aborted or failed.
         description: The command, human-readable.
-        is_paused: It runs, but Pause has stopped it; Resume continues it.
+        is_paused: Pause has stopped the task, which still runs; Resume continues it.
 
     """
 
@@ -336,17 +335,16 @@ class Telemetry(TelemetryBase):
         frame_id: Frame of pose, velocity and reference_pose (``<ns>/odom``, or the configured `pose_frame_id`).
         velocity: Along the axes of the header's frame.
         transform: `map` to ``<ns>/base_link``.
-        reference_pose: Commanded pose of the UAV; set while the daemon sends references.
-        battery: The one that a flight depends on: of several the emptiest that does not feed the payload only.
+        reference_pose: Commanded pose of the UAV; set while the daemon sends setpoints.
+        battery: The battery that the flight depends on: the emptiest of those that feed more than the payload.
         flight_mode: The autopilot's own name of its mode, human-readable.
         task: The running task.
         sequence: Counts the samples of this daemon from its start.
         status_text: The autopilot's newest words to the operator (status text), human-readable.
-        frame_lost: Why it is not known where ``<ns>/odom`` is (FRAME_LOST), since when, and what makes it known again,
-            human-readable. Empty while it is known. While it is lost, a pose in a lost frame is None, nor is
-            `odometry`.
+        frame_lost: Cause, time and remedy if the position of ``<ns>/odom`` is lost (FRAME_LOST), human-readable; empty
+            while it is known. While it is lost, a pose in a lost frame is None, nor is `odometry`.
         missed_count: Samples that this subscriber lost since its last one.
-        batteries: All batteries in the order of their ids, where the autopilot tells of each; `battery` is one of them.
+        batteries: All batteries in the order of their ids, if the autopilot reports each; `battery` is one of them.
 
     """
 

@@ -62,7 +62,7 @@ class CorrectionsServiceServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def GetCorrectionsStatus(self, request, context):
-        """What has been sent and dropped since the daemon began.
+        """Corrections that were sent and dropped since the daemon's start.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')

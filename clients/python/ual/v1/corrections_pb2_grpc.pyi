@@ -95,7 +95,7 @@ class CorrectionsServiceStub(typing.Generic[_CorrectionsServiceStreamCorrections
     """
 
     GetCorrectionsStatus: _CorrectionsServiceGetCorrectionsStatusType
-    """What has been sent and dropped since the daemon began."""
+    """Corrections that were sent and dropped since the daemon's start."""
 
 CorrectionsServiceAsyncStub: typing_extensions.TypeAlias = CorrectionsServiceStub[
     grpc.aio.StreamUnaryMultiCallable[
@@ -129,6 +129,6 @@ class CorrectionsServiceServicer(metaclass=abc.ABCMeta):
         request: ual.v1.corrections_pb2.GetCorrectionsStatusRequest,
         context: _ServicerContext,
     ) -> typing.Union[ual.v1.corrections_pb2.GetCorrectionsStatusResponse, collections.abc.Awaitable[ual.v1.corrections_pb2.GetCorrectionsStatusResponse]]:
-        """What has been sent and dropped since the daemon began."""
+        """Corrections that were sent and dropped since the daemon's start."""
 
 def add_CorrectionsServiceServicer_to_server(servicer: CorrectionsServiceServicer, server: typing.Union[grpc.Server, grpc.aio.Server]) -> None: ...

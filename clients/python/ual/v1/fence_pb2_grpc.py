@@ -80,7 +80,7 @@ class FenceServiceServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def ClearFence(self, request, context):
-        """Removes all zones, and the rally points, on request. Errors as of UploadFence.
+        """Removes all zones and, if requested, the rally points. Errors as of UploadFence.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')

@@ -147,7 +147,7 @@ class FenceServiceStub(typing.Generic[_FenceServiceGetFenceType, _FenceServiceUp
     """
 
     ClearFence: _FenceServiceClearFenceType
-    """Removes all zones, and the rally points, on request. Errors as of UploadFence."""
+    """Removes all zones and, if requested, the rally points. Errors as of UploadFence."""
 
     EnableFence: _FenceServiceEnableFenceType
     """Has the autopilot apply its zones, or not. Errors as of ParameterService.SetParameter.
@@ -203,7 +203,7 @@ class FenceServiceServicer(metaclass=abc.ABCMeta):
         request: ual.v1.fence_pb2.ClearFenceRequest,
         context: _ServicerContext,
     ) -> typing.Union[ual.v1.fence_pb2.ClearFenceResponse, collections.abc.Awaitable[ual.v1.fence_pb2.ClearFenceResponse]]:
-        """Removes all zones, and the rally points, on request. Errors as of UploadFence."""
+        """Removes all zones and, if requested, the rally points. Errors as of UploadFence."""
 
     @abc.abstractmethod
     def EnableFence(

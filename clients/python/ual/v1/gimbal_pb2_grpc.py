@@ -162,14 +162,14 @@ class GimbalServiceServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def TakeGimbalControl(self, request, context):
-        """Takes the control of it, also from another program on the link. Errors: TIMEOUT.
+        """Takes control of a gimbal, also from another program on the link. Errors: TIMEOUT.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def ReleaseGimbalControl(self, request, context):
-        """Gives the control up, and ends what was ordered. Does nothing where it is not ours. Errors: TIMEOUT.
+        """Gives up control, and ends the order in progress. Does nothing if the daemon has no control. Errors: TIMEOUT.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')

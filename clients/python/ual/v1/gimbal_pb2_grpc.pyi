@@ -314,10 +314,10 @@ class GimbalServiceStub(typing.Generic[_GimbalServiceListGimbalsType, _GimbalSer
     """Retracts it, as for a landing. Errors: TIMEOUT."""
 
     TakeGimbalControl: _GimbalServiceTakeGimbalControlType
-    """Takes the control of it, also from another program on the link. Errors: TIMEOUT."""
+    """Takes control of a gimbal, also from another program on the link. Errors: TIMEOUT."""
 
     ReleaseGimbalControl: _GimbalServiceReleaseGimbalControlType
-    """Gives the control up, and ends what was ordered. Does nothing where it is not ours. Errors: TIMEOUT."""
+    """Gives up control, and ends the order in progress. Does nothing if the daemon has no control. Errors: TIMEOUT."""
 
 GimbalServiceAsyncStub: typing_extensions.TypeAlias = GimbalServiceStub[
     grpc.aio.UnaryUnaryMultiCallable[
@@ -446,7 +446,7 @@ class GimbalServiceServicer(metaclass=abc.ABCMeta):
         request: ual.v1.gimbal_pb2.TakeGimbalControlRequest,
         context: _ServicerContext,
     ) -> typing.Union[ual.v1.gimbal_pb2.TakeGimbalControlResponse, collections.abc.Awaitable[ual.v1.gimbal_pb2.TakeGimbalControlResponse]]:
-        """Takes the control of it, also from another program on the link. Errors: TIMEOUT."""
+        """Takes control of a gimbal, also from another program on the link. Errors: TIMEOUT."""
 
     @abc.abstractmethod
     def ReleaseGimbalControl(
@@ -454,6 +454,6 @@ class GimbalServiceServicer(metaclass=abc.ABCMeta):
         request: ual.v1.gimbal_pb2.ReleaseGimbalControlRequest,
         context: _ServicerContext,
     ) -> typing.Union[ual.v1.gimbal_pb2.ReleaseGimbalControlResponse, collections.abc.Awaitable[ual.v1.gimbal_pb2.ReleaseGimbalControlResponse]]:
-        """Gives the control up, and ends what was ordered. Does nothing where it is not ours. Errors: TIMEOUT."""
+        """Gives up control, and ends the order in progress. Does nothing if the daemon has no control. Errors: TIMEOUT."""
 
 def add_GimbalServiceServicer_to_server(servicer: GimbalServiceServicer, server: typing.Union[grpc.Server, grpc.aio.Server]) -> None: ...

@@ -103,7 +103,7 @@ class GripperServiceServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def OrderWinch(self, request, context):
-        """Has a winch do something. Returns once that is acknowledged, which is before it is done.
+        """Moves a winch. Returns once the order is acknowledged, before the movement ends.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')

@@ -199,7 +199,7 @@ class GripperServiceStub(typing.Generic[_GripperServiceGetEquipmentType, _Grippe
     """Opens a gripper, as Grip."""
 
     OrderWinch: _GripperServiceOrderWinchType
-    """Has a winch do something. Returns once that is acknowledged, which is before it is done."""
+    """Moves a winch. Returns once the order is acknowledged, before the movement ends."""
 
     SetServo: _GripperServiceSetServoType
     """Moves a servo to a position that is configured, or to a pulse width within its bounds."""
@@ -273,7 +273,7 @@ class GripperServiceServicer(metaclass=abc.ABCMeta):
         request: ual.v1.gripper_pb2.OrderWinchRequest,
         context: _ServicerContext,
     ) -> typing.Union[ual.v1.gripper_pb2.OrderWinchResponse, collections.abc.Awaitable[ual.v1.gripper_pb2.OrderWinchResponse]]:
-        """Has a winch do something. Returns once that is acknowledged, which is before it is done."""
+        """Moves a winch. Returns once the order is acknowledged, before the movement ends."""
 
     @abc.abstractmethod
     def SetServo(

@@ -177,15 +177,15 @@ class SimulationServiceServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def SetSpeedFactor(self, request, context):
-        """How fast simulated time runs against the wall: 1 is real time, 0 stands still (see Step), infinity is as fast as
-        the machine can.
+        """Sets the speed of simulated time relative to real time: 1 is real time, 0 stands still (see Step), infinity is as
+        fast as the machine can.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')
         raise NotImplementedError('Method not implemented!')
 
     def Step(self, request, context):
-        """Runs standing simulated time on by a duration, and returns when that is done. Errors: WRONG_STATE while the time
+        """Advances stopped simulated time by a duration, and returns when that is done. Errors: WRONG_STATE while the time
         runs by itself.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)

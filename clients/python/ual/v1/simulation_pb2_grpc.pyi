@@ -405,12 +405,12 @@ class SimulationServiceStub(typing.Generic[_SimulationServiceListPartsType, _Sim
     """The active faults."""
 
     SetSpeedFactor: _SimulationServiceSetSpeedFactorType
-    """How fast simulated time runs against the wall: 1 is real time, 0 stands still (see Step), infinity is as fast as
-    the machine can.
+    """Sets the speed of simulated time relative to real time: 1 is real time, 0 stands still (see Step), infinity is as
+    fast as the machine can.
     """
 
     Step: _SimulationServiceStepType
-    """Runs standing simulated time on by a duration, and returns when that is done. Errors: WRONG_STATE while the time
+    """Advances stopped simulated time by a duration, and returns when that is done. Errors: WRONG_STATE while the time
     runs by itself.
     """
 
@@ -565,8 +565,8 @@ class SimulationServiceServicer(metaclass=abc.ABCMeta):
         request: ual.v1.simulation_pb2.SetSpeedFactorRequest,
         context: _ServicerContext,
     ) -> typing.Union[ual.v1.simulation_pb2.SetSpeedFactorResponse, collections.abc.Awaitable[ual.v1.simulation_pb2.SetSpeedFactorResponse]]:
-        """How fast simulated time runs against the wall: 1 is real time, 0 stands still (see Step), infinity is as fast as
-        the machine can.
+        """Sets the speed of simulated time relative to real time: 1 is real time, 0 stands still (see Step), infinity is as
+        fast as the machine can.
         """
 
     @abc.abstractmethod
@@ -575,7 +575,7 @@ class SimulationServiceServicer(metaclass=abc.ABCMeta):
         request: ual.v1.simulation_pb2.StepRequest,
         context: _ServicerContext,
     ) -> typing.Union[ual.v1.simulation_pb2.StepResponse, collections.abc.Awaitable[ual.v1.simulation_pb2.StepResponse]]:
-        """Runs standing simulated time on by a duration, and returns when that is done. Errors: WRONG_STATE while the time
+        """Advances stopped simulated time by a duration, and returns when that is done. Errors: WRONG_STATE while the time
         runs by itself.
         """
 

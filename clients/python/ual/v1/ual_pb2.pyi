@@ -105,7 +105,7 @@ class _StateEnumTypeWrapper(google.protobuf.internal.enum_type_wrapper._EnumType
     """A landing is in progress."""
 
 class State(_State, metaclass=_StateEnumTypeWrapper):
-    """State of the UAV, estimated from the autopilot's data at each update: the first of these that holds."""
+    """State of the UAV, estimated from the autopilot's data at each update."""
 
 STATE_UNSPECIFIED: State.ValueType  # 0
 STATE_UNINITIALIZED: State.ValueType  # 1
@@ -652,9 +652,9 @@ class GpsInfo(google.protobuf.message.Message):
     """One standard deviation."""
     vertical_accuracy_m: builtins.float
     corrections_age_s: builtins.float
-    """How long ago the last corrections (RTK) came to it, or were sent to it where it does not tell; not set where none were."""
+    """Age of the last RTK corrections that the receiver reports, or that were sent to it; not set if there were none."""
     baseline_m: builtins.float
-    """The distance from the base station whose corrections it uses, where it tells."""
+    """Distance from the base station whose corrections it uses; not set if it does not report that."""
     def __init__(
         self,
         *,
@@ -690,22 +690,20 @@ class Health(google.protobuf.message.Message):
     FAILSAFE_FIELD_NUMBER: builtins.int
     HELD_BY_FIELD_NUMBER: builtins.int
     is_ready_to_arm: builtins.bool
-    """Whether its own checks would let it be armed; not set where it does not say."""
+    """Whether the autopilot's own checks permit arming; not set if it does not report that."""
     link_quality: builtins.float
-    """The part of its messages that arrived of late, 0 to 1; not set where that is not measured."""
+    """Recent fraction of the autopilot's messages that arrived, 0 to 1; not set if that is not measured."""
     failsafe: builtins.str
-    """The failsafe that is active, in the words of the metadata `by`: "battery failsafe", "rc failsafe", "fence", ...;
-    empty: none. Take-off and recovery are refused meanwhile, unless they are forced.
+    """The active failsafe, in the words of the metadata `by`: "battery failsafe", "rc failsafe", "fence", ...; empty: none.
+    While it is active, take-off and recovery are refused, unless forced.
     """
     held_by: builtins.str
-    """What holds the control in the present mode, where it is not this daemon, in the same words; empty where that
-    is not known.
-    """
+    """The holder of control in the present mode, in the same words; empty if that is this daemon, or not known."""
     @property
     def failing_checks(self) -> google.protobuf.internal.containers.RepeatedScalarFieldContainer[builtins.str]:
-        """What fails of its checks and sensors, human-readable; empty where nothing does, or where it does not say. What begins
-        with "daemon: " fails in the daemon itself, such as its audit. Texts of the autopilot that are critical or worse begin
-        with "autopilot: ", for 30 s, and what is wrong with the position with "position: ".
+        """Failing checks and sensors, human-readable; empty if none fails or none is reported. The beginning "daemon: " marks
+        failures of the daemon itself, such as its audit. "position: " marks problems of the position, and "autopilot: " texts
+        of the autopilot that are critical or worse, for 30 s.
         """
 
     def __init__(
@@ -762,8 +760,8 @@ class Telemetry(google.protobuf.message.Message):
     status_text: builtins.str
     """The autopilot's newest words to the operator (status text), human-readable."""
     frame_lost: builtins.str
-    """Why it is not known where `<ns>/odom` is (FRAME_LOST), since when, and what makes it known again, human-readable. Empty
-    while it is known. While it is lost, a pose in a lost frame is not set, nor is `odometry`.
+    """Cause, time and remedy if the position of `<ns>/odom` is lost (FRAME_LOST), human-readable; empty while it is known.
+    While it is lost, a pose in a lost frame is not set, nor is `odometry`.
     """
     @property
     def header(self) -> Global___Header:
@@ -783,13 +781,13 @@ class Telemetry(google.protobuf.message.Message):
 
     @property
     def reference_pose(self) -> Global___Pose:
-        """Commanded pose of the UAV; set while the daemon sends references."""
+        """Commanded pose of the UAV; set while the daemon sends setpoints."""
 
     @property
     def position_geo(self) -> Global___GeoPoint: ...
     @property
     def battery(self) -> Global___Battery:
-        """The one that a flight depends on: of several the emptiest that does not feed the payload only."""
+        """The battery that the flight depends on: the emptiest of those that feed more than the payload."""
 
     @property
     def gps(self) -> Global___GpsInfo: ...
@@ -801,7 +799,7 @@ class Telemetry(google.protobuf.message.Message):
     def health(self) -> Global___Health: ...
     @property
     def batteries(self) -> google.protobuf.internal.containers.RepeatedCompositeFieldContainer[Global___Battery]:
-        """All batteries in the order of their ids, where the autopilot tells of each; `battery` is one of them."""
+        """All batteries in the order of their ids, if the autopilot reports each; `battery` is one of them."""
 
     def __init__(
         self,
@@ -857,7 +855,7 @@ class TaskError(google.protobuf.message.Message):
     MESSAGE_FIELD_NUMBER: builtins.int
     METADATA_FIELD_NUMBER: builtins.int
     reason: builtins.str
-    """One of the reasons at the top of this file."""
+    """One of the reasons of errors, such as WRONG_STATE."""
     message: builtins.str
     """Human-readable: what happened and what to do."""
     @property
@@ -896,11 +894,11 @@ class Task(google.protobuf.message.Message):
     """0 to 1, where it is known."""
     distance_left_m: builtins.float
     waypoint_index: builtins.int
-    """Of FollowPath: the waypoint it flies to, counted from 0. Of a mission: its item, counted from 0."""
+    """The waypoint to which a path leads now, or the present item of a mission; counted from 0."""
     description: builtins.str
     """The command, human-readable."""
     is_paused: builtins.bool
-    """It runs, but Pause has stopped it; Resume continues it."""
+    """Pause has stopped the task, which still runs; Resume continues it."""
     @property
     def elapsed(self) -> google.protobuf.duration_pb2.Duration: ...
     @property
