@@ -149,8 +149,7 @@ class GpsInfo:
     Args:
         satellites_count: 0 where it is not reported, or none is received.
         horizontal_accuracy_m: One standard deviation.
-        corrections_age_s: Age of the last RTK corrections that the receiver reports, or that were sent to it; None if
-            there were none.
+        corrections_age_s: Time since the last RTK corrections were sent to the autopilot; None if there were none.
         baseline_m: Distance from the base station whose corrections it uses; None if it does not report that.
 
     """

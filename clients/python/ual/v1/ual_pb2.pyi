@@ -652,7 +652,7 @@ class GpsInfo(google.protobuf.message.Message):
     """One standard deviation."""
     vertical_accuracy_m: builtins.float
     corrections_age_s: builtins.float
-    """Age of the last RTK corrections that the receiver reports, or that were sent to it; not set if there were none."""
+    """Time since the last RTK corrections were sent to the autopilot; not set if there were none."""
     baseline_m: builtins.float
     """Distance from the base station whose corrections it uses; not set if it does not report that."""
     def __init__(
