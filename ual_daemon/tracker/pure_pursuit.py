@@ -1,4 +1,4 @@
-"""Pure pursuit: the tracker for autopilots that take bare positions or bare velocities, and by ``tracker: pursuit``.
+"""Pure pursuit: the tracker for autopilots that take bare positions only, and by ``tracker: pursuit``.
 
 The setpoint is a point of the path a little ahead of the UAV. See Coulter, "Implementation of the Pure Pursuit Path
 Tracking Algorithm", CMU-RI-TR-92-01; in the air: Real et al., "Unmanned aerial vehicle abstraction layer", 2020. The
