@@ -308,7 +308,7 @@ def _is_lifted_by_somebody(case: Case, lay_s: float, time_s: float) -> bool:
     record = case.record
     if is_befallen(record, _STRANGERS, lay_s - TOLD_S, time_s) or any(order.what == "fly" for order in record.orders):
         return True
-    if _is_left_to_itself(record, lay_s, time_s) or _is_returning(case, lay_s, time_s):
+    if _is_left_to_itself(record, lay_s, time_s) or _is_led_by_its_fence(case, lay_s, time_s):
         return True
     if any(
         call.name == "take_off" and call.outcome in _BROKEN_OFF and 0.0 < time_s - call.began_s < _OWN_CLIMB_S
@@ -321,11 +321,13 @@ def _is_lifted_by_somebody(case: Case, lay_s: float, time_s: float) -> bool:
     )
 
 
-def _is_returning(case: Case, lay_s: float, time_s: float) -> bool:
-    """Returns whether its own fence was narrower than where it stood: ArduCopter, armed, lifts off to return."""
+def _is_led_by_its_fence(case: Case, lay_s: float, time_s: float) -> bool:
+    """Returns whether its own fence was narrower than where it stood: ArduCopter, armed, lifts off to return, and PX4
+    climbs back to its hold when its motors work again.
+    """
     is_fenced = is_befallen(case.record, ("fence", "wide_fence"), lay_s - TOLD_S, time_s)
     now = list(between(case.changes, time_s, time_s))
-    return is_fenced and bool(now) and now[-1].mode == case.modes.returns
+    return is_fenced and bool(now) and now[-1].mode in (case.modes.returns, case.modes.hold)
 
 
 def _is_left_to_itself(record: Record, lay_s: float, time_s: float) -> bool:

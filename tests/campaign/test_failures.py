@@ -247,11 +247,14 @@ def test_a_take_off_that_an_autopilot_flies_by_itself_goes_on_without_its_daemon
     assert "nothing flies" in rules(record)
 
 
-def test_an_autopilots_fence_that_is_narrower_than_where_it_stands_lifts_it() -> None:
-    """Campaign, 13400093: its fence became 2 m wide 3 m from home, and the return lifts it off."""
+@pytest.mark.parametrize("mode", [ARDUPILOT.returns, ARDUPILOT.hold])
+def test_an_autopilots_fence_that_is_narrower_than_where_it_stands_lifts_it(mode: int) -> None:
+    """Campaign, 13400093: its fence became 2 m wide 3 m from home, and the return lifts it off. 15100067: a PX4 fell in
+    the hold of its fence, and climbed back.
+    """
     record = clean()
     record.called[0] = dataclasses.replace(record.called[0], outcome="GEOFENCE", ended_s=3.2)
-    record.told = [dataclasses.replace(each, mode=ARDUPILOT.returns) for each in record.told]
+    record.told = [dataclasses.replace(each, mode=mode) for each in record.told]
     assert "nothing flies" in rules(record)
     record.troubles.append(Trouble("fence", 3.1, 6.0))
     assert "nothing flies" not in rules(record)
