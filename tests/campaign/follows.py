@@ -270,8 +270,8 @@ def nothing_flies_unasked(case: Case) -> Iterator[Breach]:
             lay_s, is_up = each.time_s, False
         elif not is_up and each.place[2] - _ground_m(record) > _HIGH_M:
             is_up = True
-            is_own_landing = _bounces(case, lay_s, each.time_s)
-            if not is_own_landing and not _is_lifted_by_somebody(case, lay_s, each.time_s):
+            is_by_itself = _rises_by_itself(case, lay_s, each.time_s)
+            if not is_by_itself and not _is_lifted_by_somebody(case, lay_s, each.time_s):
                 text = f"it lifts off {each.time_s - lay_s:.1f} s after it lay, and nobody asks for that"
                 yield Breach("nothing flies", each.time_s, text)
 
@@ -295,12 +295,14 @@ def _is_armed_by_somebody(record: Record, time_s: float) -> bool:
     return any(call.name == "arm" and call.began_s <= time_s <= until_s(call) + _ARMED_S for call in record.called)
 
 
-def _bounces(case: Case, lay_s: float, time_s: float) -> bool:
-    """Returns whether the autopilot's own landing lifts it, which goes on: its motors were weak, and it made up for
-    that.
+def _rises_by_itself(case: Case, lay_s: float, time_s: float) -> bool:
+    """Returns whether it rises in its own landing, or in a mode of its pilot, and the daemon sends nothing: its motors
+    were weak, and it makes up for that.
     """
-    is_landing = all(each.mode in case.modes.lands for each in between(case.changes, lay_s - _LIES_S, time_s))
-    return is_landing and not any(lay_s - _LIES_S <= sent.time_s <= time_s for sent in case.record.sent)
+    modes = case.modes
+    ours = {modes.references, *modes.takes_off, modes.returns, modes.hold, modes.mission}
+    is_left = all(each.mode not in ours for each in between(case.changes, lay_s - _LIES_S, time_s))
+    return is_left and not any(lay_s - _LIES_S <= sent.time_s <= time_s for sent in case.record.sent)
 
 
 def _is_lifted_by_somebody(case: Case, lay_s: float, time_s: float) -> bool:

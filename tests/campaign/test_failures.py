@@ -186,6 +186,7 @@ def test_who_was_armed_by_nobody_is_found() -> None:
 def test_what_lifts_off_again_after_a_fall_is_found() -> None:
     """Its motors work again after 5 s, and it climbs back by itself."""
     record = falling(clean())
+    record.told = [dataclasses.replace(each, mode=ARDUPILOT.references) for each in record.told]
     status_text(record, DEAD_S + 1.0, 33.0, TOLD)
     assert "nothing flies" not in rules(record)
     record.truth = [
@@ -217,11 +218,14 @@ def test_a_fall_while_no_daemon_runs_is_reported_by_none() -> None:
     assert "follows" in rules(record)
 
 
-def test_an_autopilots_own_landing_that_bounces_is_lifted_by_nobody() -> None:
-    """Its motors were weak and work again: PX4's landing makes up for that by 1.4 m, and the daemon sends nothing."""
+@pytest.mark.parametrize("mode", [9, 5])
+def test_what_rises_in_its_own_landing_or_in_its_pilots_mode_is_lifted_by_nobody(mode: int) -> None:
+    """Its motors were weak and work again: PX4's landing makes up for that by 1.4 m, and the daemon sends nothing. So
+    it is in a mode of the pilot (15100104).
+    """
     record = falling(clean())
     status_text(record, DEAD_S + 1.0, 33.0, TOLD)
-    record.told = [dataclasses.replace(each, mode=9) if each.time_s > 10.9 else each for each in record.told]
+    record.told = [dataclasses.replace(each, mode=mode) if each.time_s > 10.9 else each for each in record.told]
     record.sent = [each for each in record.sent if each.time_s < 11.0]
     record.truth = [
         dataclasses.replace(each, place=(2.0, 0.0, 1.4)) if 16.0 < each.time_s < 18.0 else each for each in record.truth
