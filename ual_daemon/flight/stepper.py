@@ -92,6 +92,7 @@ class FlightStepper:
         if manoeuvre.is_awaited and snapshot.control.held_by is Cause.OPEN and raw.is_link_up:
             # Nothing is sent; what took the UAV is known within a moment, and then ends the manoeuvre.
             _withdraw_older(manoeuvre, snapshot)
+            manoeuvre.await_cause(snapshot)
             return True
         step = guarded(manoeuvre, manoeuvre.step, snapshot, raw)
         if self._flown.manoeuvre is not manoeuvre and manoeuvre.command is not None:

@@ -83,7 +83,7 @@ class VehicleMission:
         offer, first = self._offer(), _item(first_item, "first_item")
         require_change(self._vehicle, _START, lease_id)
         self._vehicle.missions.require_whole()
-        since = self._vehicle.commands.last_command
+        since, began_in = self._vehicle.commands.last_command, self._vehicle.missions.mode_before_start()
 
         def on_read(kept: KeptMission) -> Future[TaskInfo]:
             if not kept.items:
@@ -94,7 +94,7 @@ class VehicleMission:
         def begin(kept: KeptMission, own: OnItsOwn, changes_count: int) -> TaskInfo:
             _require_link_loss(on_link_loss, own)
             order = CommandOrigin(lease_id, since)
-            return self._vehicle.missions.start(offer, kept, first, own, order, changes_count).info()
+            return self._vehicle.missions.start(offer, kept, first, own, order, changes_count, began_in).info()
 
         return then_wait(offer.download(), on_read)
 

@@ -112,6 +112,16 @@ class Missions:
         """
         self._uploads.require_whole(NAME, MISSION, RALLY)
 
+    def mode_before_start(self) -> str:
+        """Returns the mode in which a mission that is requested now begins on the ground.
+
+        Another mode while the mission is read is a take-over. Empty where UAL may change it itself, and in the air, as
+        the state tells it there.
+        """
+        snapshot = self._backend.snapshot()
+        is_ours_to_change = self._flight.is_busy or self._flight.raw_estimate(snapshot).state is not State.LANDED_ARMED
+        return "" if is_ours_to_change else snapshot.control.settled_mode
+
     def start(
         self,
         offer: AutopilotMissions,
@@ -120,10 +130,12 @@ class Missions:
         own: OnItsOwn,
         order: CommandOrigin,
         changes_count: int,
+        began_in: str = "",
     ) -> VehicleTask:
         """Begins the mission that was read from the autopilot, with an item counted from 1.
 
-        `changes_count` is what it was when the mission had been read.
+        `changes_count` is what it was when the mission had been read, and `began_in` is the `mode_before_start` from
+        before that.
 
         Raises:
             WrongStateError: The state is neither FLYING_AUTO nor LANDED_ARMED, or it cannot begin there; or an upload
@@ -151,6 +163,7 @@ class Missions:
             words = f"mission of {len(kept.items)} items; {own.link_loss_text}{skipped}"
             task = self._tasks.new(TaskKind.MISSION, words)
             manoeuvre = self._manoeuvre(task, offer, kept, first, own, reference)
+            manoeuvre.began_in = began_in
             self._flight.begin(manoeuvre, order, snapshot)
             self._last = manoeuvre
             self._remember(task, kept)

@@ -131,7 +131,8 @@ class AutopilotMission(Manoeuvre):
         self._phase = _Phase.VERIFYING if first is None else _Phase.CHOOSING
         self._waited: Future[Any] | None = None
         """Future that the phase waits for."""
-        self._began_in = ""
+        self.began_in = ""
+        """The mode in which it begins, or goes on; empty for the first one that is seen."""
         self._was_paused = False
         self._trouble = ""
         """Why the last pause has failed."""
@@ -182,7 +183,7 @@ class AutopilotMission(Manoeuvre):
     def found_paused(self, item: int, mode: str) -> None:
         """Takes that a daemon before has paused it at an item, in a mode. Before it begins."""
         self._phase, self._was_paused, self._task.is_paused = _Phase.PAUSED, True, True
-        self._item, self._began_in = min(item, len(self._kept.items)), mode
+        self._item, self.began_in = min(item, len(self._kept.items)), mode
         self._update_words()
 
     def stage(self, snapshot: Snapshot) -> MissionStage:
@@ -439,12 +440,21 @@ class AutopilotMission(Manoeuvre):
             self._phase, self._reference, self._before = _Phase.FLYING, None, None
             self._update_words()
             return Step()
-        if _mode(snapshot) == self._offer.mode and self._before is None:
-            self._began_in = self._offer.mode  # a return to the mode before takes it
-        elif _mode(snapshot) != self._offer.mode and (step := self._unless_ours(snapshot)) is not None:
+        self._note_entered(snapshot)
+        if _mode(snapshot) != self._offer.mode and (step := self._unless_ours(snapshot)) is not None:
             return step
         failure = self.command.failure(snapshot)
         return self._referring(snapshot) if failure is None else failed(with_advice(failure, self._stays()))
+
+    @override
+    def await_cause(self, snapshot: Snapshot) -> None:
+        if self._phase is _Phase.ENTERING:
+            self._note_entered(snapshot)
+
+    def _note_entered(self, snapshot: Snapshot) -> None:
+        """Notes that its mode has come: from now on a return to the mode before is a take-over."""
+        if _mode(snapshot) == self._offer.mode and self._before is None:
+            self.began_in = self._offer.mode
 
     def _is_starting(self) -> bool:
         """Returns whether its command has not been answered yet: on the ground ArduPilot needs more than the mode."""
@@ -466,7 +476,7 @@ class AutopilotMission(Manoeuvre):
             return step
         if self._task.is_paused:
             self.command, self._trouble = AutopilotCommand("hold its position"), ""
-            self._phase, self._began_in = _Phase.PAUSING, _mode(snapshot)
+            self._phase, self.began_in = _Phase.PAUSING, _mode(snapshot)
             self.command.send(self._backend.hold)
         return Step()
 
@@ -536,13 +546,13 @@ class AutopilotMission(Manoeuvre):
         assert self.command is not None
         mode = _mode(snapshot)
         if mode == self._offer.pause_mode:
-            self._phase, self._began_in, self._was_paused = _Phase.PAUSED, mode, True
+            self._phase, self.began_in, self._was_paused = _Phase.PAUSED, mode, True
             self._update_words()
             return Step()
-        if mode != self._began_in and not self._is_returning(snapshot):
+        if mode != self.began_in and not self._is_returning(snapshot):
             return taken(snapshot, NAME)
         failure = self.command.failure(snapshot)
-        if mode != self._began_in:  # it has begun its own return: the hold is commanded again
+        if mode != self.began_in:  # it has begun its own return: the hold is commanded again
             self._phase = _Phase.FLYING
         elif failure is not None:
             self._go_on_unpaused(failure)
@@ -580,12 +590,12 @@ class AutopilotMission(Manoeuvre):
 
     def _unless_ours(self, snapshot: Snapshot) -> Step | None:
         """Returns the end of a mission before which others took the UAV; None while it is in the mode it began in."""
-        self._began_in = self._began_in or self.mode_begun or _mode(snapshot)
-        if _mode(snapshot) == self._began_in:
+        self.began_in = self.began_in or self.mode_begun or _mode(snapshot)
+        if _mode(snapshot) == self.began_in:
             return None
         is_led = False if self._before is None or self._phase in _HOLDING else self._before.to(snapshot)
         if is_led:
-            self._began_in = _mode(snapshot)
+            self.began_in = _mode(snapshot)
             return None
         return Step() if is_led is None else taken(snapshot, NAME)
 

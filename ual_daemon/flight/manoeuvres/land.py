@@ -148,6 +148,12 @@ class LandManoeuvre(Landing):
             self._command.send(self._send)
 
     @override
+    def await_cause(self, snapshot: Snapshot) -> None:
+        mode = snapshot.control.mode
+        if mode is not None and mode.value.control is Control.LAND:
+            self._is_landing, self._reference = True, None
+
+    @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
         lost = why_blind(estimate, self.name)
         if lost is not None:

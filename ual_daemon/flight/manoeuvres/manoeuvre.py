@@ -175,6 +175,13 @@ class Manoeuvre(ABC):
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
         """Makes one update. `estimate` is the state that the data show, without this manoeuvre."""
 
+    def await_cause(self, snapshot: Snapshot) -> None:
+        """Makes an update without a step: it is not known yet what has chosen the mode.
+
+        The mode to which its command leads may come and go meanwhile: then others have taken the UAV.
+        """
+        del snapshot
+
     def fit(self, snapshot: Snapshot, limits: CurrentLimits, geofence: GeofencePolicy) -> Step | None:
         """Looks at what bounds its motion, after it has begun and whenever that has changed: limits, geofence, home.
 

@@ -441,3 +441,33 @@ def test_land_ends_a_failsafes_hold_or_return(flight: Flight) -> None:
     flight.uav.land()
     assert flight.autopilot.body.is_on_ground
     assert flight.autopilot.setpoint_senders == []
+
+
+@pytest.mark.parametrize("after_s", [0.05, 0.3])
+def test_a_mode_that_is_selected_again_just_after_a_landing_out_of_it_is_a_take_over(after_s: float) -> None:
+    """No step was made in the landing, as its cause was open: "accepted to land, but has not after 5 s"."""
+    flight = Flight("px4")
+    try:
+        flight.take_off()
+        autopilot = px4_of(flight)
+
+        def hold() -> None:
+            with autopilot.lock:
+                assert autopilot.request_mode(px4.LOITER)
+
+        hold()
+        flight.wait_for_state(State.FLYING_MANUAL)
+        flight.let_pass(1.0)
+        taken_s: list[float] = []
+
+        def hold_again() -> None:
+            taken_s.append(flight.now_s + after_s)
+            autopilot.at(after_s, hold)
+
+        flight.when(lambda told: told.flight_mode == "AUTO.LAND", hold_again)
+        task = flight.uav.land(blocking=False)
+        with pytest.raises(TaskAbortedError, match="the ground station took over"):
+            task.wait(LIMIT_S)
+        assert flight.first_s(lambda told: told.task is None, taken_s[0]) - taken_s[0] < 1.0
+    finally:
+        flight.uav.close()

@@ -12,6 +12,7 @@ import pytest
 from tests.conftest import LIMIT_S
 from tests.simulators import Faults, Px4
 from tests.simulators.ardupilot import BRAKE, GUIDED
+from tests.simulators.mission_store import Sender
 from tests.simulators.px4 import LOITER, OFFBOARD
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
 from ual.errors import (
@@ -26,12 +27,13 @@ from ual.interface import Task
 from ual.missions import HoldTime, Item, Jump, Land, ReturnToLaunch, Speed, TakeOff, Waypoint
 from ual.missions.plan import LinkLossAction, MissionProgress, MissionStage
 from ual.types import State, TaskKind, TaskStatus, Telemetry
-from ual_daemon.backends.mavlink.wire.messages import mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
 HOME = (47.3977428, 8.5455967)
 SILENT = Faults(is_silent=True)
 FAR_M = 300.0
 """Distance in metres at which a busy computer acts before the end, though simulated time passes meanwhile."""
+PILOTS_MODES = ("POSCTL", "LOITER")
 LOSSY = Faults(loss=0.2, duplication=0.05, jitter_s=0.05)
 
 
@@ -796,3 +798,60 @@ def test_a_start_in_the_middle_says_which_settings_it_skips(flight: Flight) -> N
     with pytest.raises(InvalidArgumentError, match="a jump leads to an item that flies"):
         flight.uav.mission.jump_to(3)
     flight.uav.abort()
+
+
+def stand_in_pilots_mode(flight: Flight) -> None:
+    """Stands armed in the mode that the pilot selects to take over."""
+    stand_armed(flight)
+    flight.autopilot.pilot_take_over()
+    flight.wait_for(lambda: flight.uav.telemetry().flight_mode in PILOTS_MODES, "the pilot's mode")
+    flight.let_pass(1.0)
+
+
+def wait_until_taken(flight: Flight) -> None:
+    """Starts a mission, and waits until it ends: by the safety pilot."""
+    with pytest.raises(TaskAbortedError) as caught:
+        flight.uav.task(flight.uav.mission.start().id).wait(LIMIT_S)
+    assert caught.value.metadata["by"] == "safety pilot", caught.value
+    assert flight.uav.telemetry().flight_mode in PILOTS_MODES
+
+
+def test_a_pilot_who_takes_over_while_a_mission_is_read_for_its_start_on_the_ground_is_named(flight: Flight) -> None:
+    """Its task had not begun yet, and began in spite of the pilot."""
+    stand_armed(flight)
+    flight.let_pass(0.5)
+    flight.uav.mission.upload(box(flight))
+    handlers = flight.autopilot._handlers
+    send_list = handlers[mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_LIST]
+
+    def send_later(message: Message, sender: Sender) -> None:
+        handlers[mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_LIST] = send_list
+        flight.autopilot.pilot_take_over()
+        flight.autopilot.at(1.0, lambda: send_list(message, sender))
+
+    handlers[mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_LIST] = send_later
+    wait_until_taken(flight)
+    assert flight.uav.state() is State.LANDED_ARMED
+
+
+@pytest.mark.parametrize("after_s", [0.05, 0.2, 0.45, 0.9])
+@pytest.mark.parametrize("stand", [stand_armed, stand_in_pilots_mode])
+def test_a_pilot_who_takes_over_just_after_the_start_of_a_mission_is_named(
+    flight: Flight, stand: Callable[[Flight], None], after_s: float
+) -> None:
+    """Also in the mode from before. It said "accepted to fly the mission, but has not after 5 s".
+
+    No step is made while the cause of a mode is open, so the mission's mode came and went unseen.
+    """
+    stand(flight)
+    flight.uav.mission.upload(box(flight))
+    taken_s: list[float] = []
+
+    def take_over() -> None:
+        taken_s.append(flight.now_s + after_s)
+        flight.autopilot.at(after_s, flight.autopilot.pilot_take_over)
+
+    flight.when(lambda told: told.flight_mode in ("AUTO", "AUTO.MISSION"), take_over)
+    wait_until_taken(flight)
+    ended_s = flight.first_s(lambda told: told.task is None, taken_s[0])
+    assert ended_s - taken_s[0] < 1.0
