@@ -17,6 +17,7 @@ from tests.sitl.troubles import Change, changed
 from tests.sitl.truth import Truth
 from tests.sitl.wiretap import Wiretap
 from ual.errors import UalError, UalTimeoutError
+from ual.geometry import Twist, Vector3
 from ual.types import State, Telemetry
 from ual_daemon import UAL
 from ual_daemon.backends.mavlink.wire.messages import mavlink
@@ -31,6 +32,7 @@ _WEAK = {
     "PX4": (Change("SIH_T_MAX", 1.0, 5.0),),
     "ArduCopter": (Change("MOT_SPIN_MAX", 0.2, 0.95),),
 }
+_DO_AUX_FUNCTION, _STOP_FUNCTION, _HIGH, _LOW = 218, 31.0, 2.0, 0.0
 REFUSED_ADVICE = ("recover_from_manual takes control back", "lands it by hand", "recover_from_manual is called")
 """Advice that a terminated autopilot refuses, or that nobody can follow."""
 
@@ -67,6 +69,54 @@ def test_a_termination_is_reported_and_its_advice_can_be_followed(
         flight.wait_for(lambda: _lies(uav.telemetry()), "that it lies, by the next daemon", LIES_S)
         print(f"{pilot.autopilot}, next daemon: {uav.state().name}: {uav.telemetry().state_reason}")
         assert not _advises_what_is_refused(uav.telemetry())
+
+
+def test_a_daemon_that_is_new_accepts_no_motion_while_the_motors_are_stopped(
+    tapped_daemon: DaemonProcess, start_daemon: StartDaemon, wiretap: Wiretap, pilot: Transmitter
+) -> None:
+    """From the autopilot's word on: PX4 has said it with the first state, ArduCopter by two reports of its outputs."""
+    with ual.Uav(address=tapped_daemon.address) as uav:
+        take_off(Flight(uav, pilot), Doing(), "hover")
+    tapped_daemon.close()
+    with stopped_motors(pilot):
+        second = start_daemon("--url", wiretap.url, "--allow-arming", backend="mavlink")
+        with ual.Uav(address=second.address) as uav:
+            flight = Flight(uav, pilot)
+            flight.wait_for(lambda: uav.state() is not State.UNINITIALIZED, "a state")
+            answers: list[str] = []
+            begun_s, accepted_s = monotonic(), 0.0
+            while monotonic() < begun_s + WATCHED_S:
+                answer = _answer_to_motion(uav)
+                accepted_s = accepted_s if answer else monotonic() - begun_s
+                if not answers or answers[-1] != answer:
+                    print(f"{pilot.autopilot}, next daemon, {monotonic() - begun_s:.2f} s: {answer or 'accepted'}")
+                    answers.append(answer)
+    if pilot.autopilot == "PX4":
+        assert "has stopped the motors" in answers[0]
+    assert accepted_s < (0.01 if pilot.autopilot == "PX4" else TOLD_S), answers
+
+
+def _answer_to_motion(uav: ual.Uav) -> str:
+    """Returns why a velocity is refused; empty where it is not."""
+    try:
+        uav.set_velocity(Twist(Vector3(0.5, 0.0, 0.0)))
+    except UalError as error:
+        return f"{uav.state().name}: {error}"
+    return ""
+
+
+@contextmanager
+def stopped_motors(pilot: Transmitter) -> Iterator[None]:
+    """Stops the motors in the air: a termination (PX4), or the emergency stop until the end of the block."""
+    if pilot.autopilot == "PX4":
+        pilot.order(mavlink.MAV_CMD_DO_FLIGHTTERMINATION, (1.0,))
+        yield
+        return
+    pilot.order(_DO_AUX_FUNCTION, (_STOP_FUNCTION, _HIGH))
+    try:
+        yield
+    finally:
+        pilot.order(_DO_AUX_FUNCTION, (_STOP_FUNCTION, _LOW))
 
 
 def _is_reported(told: Telemetry) -> bool:
