@@ -10,6 +10,7 @@ from tests.conftest import LIMIT_S
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import HEIGHT_M, Flight
 from ual.errors import TaskAbortedError, WrongStateError
 from ual.geometry import Vector3
+from ual.interface import Task
 from ual.types import State, TaskKind, TaskStatus, Telemetry
 
 LANDED = (State.LANDED_ARMED, State.LANDED_DISARMED)
@@ -31,6 +32,13 @@ def test_it_returns_to_the_autopilots_home_and_takes_off_again(flight: Flight) -
     home = flight.uav.pose().pose.position
     flight.uav.go_to_waypoint(flight.goal(12.0, -9.0))
     begun_s = flight.now_s
+    again: list[Task] = []
+
+    def take_off_again() -> None:
+        again.append(flight.uav.take_off(HEIGHT_M, blocking=False))
+
+    # At once, while it is still armed: in the update that ends its return.
+    flight.when(lambda told: told.state is State.LANDED_ARMED and told.task is None, take_off_again)
     task = flight.uav.return_to_launch(6.0)
     info = task.info()
     assert info.status is TaskStatus.SUCCEEDED
@@ -39,7 +47,8 @@ def test_it_returns_to_the_autopilots_home_and_takes_off_again(flight: Flight) -
     assert flight.states_since(begun_s)[:2] == [State.FLYING_AUTO, State.LANDING]
     heights = [t.pose.position.z for time_s, t in list(flight.seen) if time_s >= begun_s and t.pose is not None]
     assert max(heights) == pytest.approx(home.z - HEIGHT_M + 6.0, abs=0.5)
-    flight.uav.take_off(HEIGHT_M)  # at once, while it is still armed
+    flight.wait_for(lambda: bool(again), "its take-off")
+    again[0].wait(LIMIT_S)
     flight.wait_for_state(State.FLYING_AUTO)
     flight.land()
     with pytest.raises(WrongStateError, match="arm it before"):

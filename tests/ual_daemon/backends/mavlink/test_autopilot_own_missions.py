@@ -351,6 +351,7 @@ def test_a_new_daemon_finds_one_that_was_paused_and_resumes_it(flight: Flight) -
     assert "holds on our mission: item 3" in flight.uav.telemetry().state_reason
     task = flight.uav.task(task_id)
     assert task.info().is_paused
+    flight.wait_for(lambda: flight.uav.mission.progress().stage is not MissionStage.UNKNOWN, "its progress")
     assert flight.uav.mission.progress().stage is MissionStage.PAUSED
     flight.let_pass(3.0)
     assert flight.commands_since(began_s) == set()
