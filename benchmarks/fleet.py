@@ -35,7 +35,7 @@ import grpc
 from benchmarks.children import LIMIT_S, Child, ChildError, Process, processor_s, resident_mib
 from ual.v1 import ual_pb2 as pb
 from ual.v1 import ual_pb2_grpc
-from ual_daemon.backends.light.physics import PHYSICS_STEP_S
+from ual_daemon.backends.light.physics import SIM_STEP_S
 from ual_daemon.program import fleet
 from ual_daemon.program.configuration import DaemonSettings
 
@@ -121,9 +121,7 @@ class FleetDaemon(Process):
     def updates_hz(self) -> float:
         """Returns how often each UAV was updated, at the slowest so far."""
         text = Path(self._directory.name, "log").read_text(encoding="utf-8")
-        return 1.0 / max(
-            (float(each) for each in re.findall(r"every ([\d.]+) s instead of", text)), default=PHYSICS_STEP_S
-        )
+        return 1.0 / max((float(each) for each in re.findall(r"every ([\d.]+) s instead of", text)), default=SIM_STEP_S)
 
     def processor_s(self) -> float:
         return sum(processor_s(pid) for pid in self._pids())

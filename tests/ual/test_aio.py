@@ -437,7 +437,7 @@ def test_a_refusal_that_grpc_has_lost_is_requested_again(monkeypatch: pytest.Mon
             await stream_on(uav)
 
     monkeypatch.setattr("ual.aio._setpoints._Stream._write_newest", lose_status)
-    monkeypatch.setattr("ual.aio._setpoints.CONTINUED_STREAM_S", LIMIT_S)
+    monkeypatch.setattr("ual.aio._setpoints.STREAM_S", LIMIT_S)
     with fake_daemon.running() as daemon:
         run(fly, address=daemon.address)
 
@@ -455,7 +455,7 @@ def test_a_refusal_that_grpc_has_lost_is_not_reported_as_taken(
             await uav.set_velocity(Twist())
 
     monkeypatch.setattr("ual.aio._setpoints._Stream._write_newest", lose_status)
-    monkeypatch.setattr("ual.aio._setpoints.CONTINUED_STREAM_S", LIMIT_S)
+    monkeypatch.setattr("ual.aio._setpoints.STREAM_S", LIMIT_S)
     with fake_daemon.running() as daemon:
         run(fly, address=daemon.address)
     assert "the last setpoints were refused: DAEMON_UNREACHABLE: the daemon ended the stream" in caplog.text
@@ -470,7 +470,7 @@ def test_setpoints_that_the_daemon_does_not_take_are_reported(
         await uav.set_home()
         daemon.is_thawed.set()
 
-    monkeypatch.setattr("ual.aio._setpoints.CONTINUED_STREAM_S", LIMIT_S)
+    monkeypatch.setattr("ual.aio._setpoints.STREAM_S", LIMIT_S)
     monkeypatch.setattr("ual.aio._setpoints.CLOSE_TIMEOUT_S", 0.2)
     with fake_daemon.running() as daemon:
         daemon.is_thawed.clear()
@@ -495,7 +495,7 @@ def test_after_a_command_that_was_cancelled_setpoints_share_a_stream_again(monke
             await asyncio.to_thread(daemon.wait_for_streamed, number)
         assert daemon.stream_count == 2
 
-    monkeypatch.setattr("ual.aio._setpoints.CONTINUED_STREAM_S", LIMIT_S)
+    monkeypatch.setattr("ual.aio._setpoints.STREAM_S", LIMIT_S)
     monkeypatch.setattr("ual.aio._setpoints.STALE_SETPOINT_S", LIMIT_S)
     with fake_daemon.running() as daemon:
         run(fly, address=daemon.address)

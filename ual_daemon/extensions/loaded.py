@@ -25,8 +25,8 @@ class Extensions:
     def __init__(self, sections: Mapping[str, Any], context: ExtensionContext) -> None:
         """`context` is that of all of them, without settings."""
         self._by_name: dict[str, Extension] = {}
-        for name, given in sections.items():
-            settings = registry.section(name, given)
+        for name, section in sections.items():
+            settings = registry.section(name, section)
             each = replace(context, settings=settings)
             self._by_name[name] = registry.make(name, each)
 

@@ -45,15 +45,15 @@ def make(name: str, context: ExtensionContext) -> Extension:
         raise ConfigError(error.message, f"{key}.{error.key}") from None
 
 
-def section(name: str, given: object) -> Mapping[str, Any]:
+def section(name: str, value: object) -> Mapping[str, Any]:
     """Returns the settings of an extension; an empty section is one without settings.
 
     Raises:
         ConfigError: It is no section.
 
     """
-    if given is None:
+    if value is None:
         return {}
-    if not isinstance(given, Mapping):
-        raise ConfigError(f"expected the settings of the extension, got {given!r:.60}", f"extensions.{name}")
-    return given
+    if not isinstance(value, Mapping):
+        raise ConfigError(f"expected the settings of the extension, got {value!r:.60}", f"extensions.{name}")
+    return value

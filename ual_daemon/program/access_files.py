@@ -65,8 +65,8 @@ def read_roles(data: bytes) -> Roles:
         raise ValueError(str(error)) from None
 
 
-def _named(given: Mapping[str, str], section: str) -> dict[str, Role]:
-    return {name: _role(text, f"{section}.{name}") for name, text in given.items()}
+def _named(names: Mapping[str, str], section: str) -> dict[str, Role]:
+    return {name: _role(text, f"{section}.{name}") for name, text in names.items()}
 
 
 def _role(text: str, key: str) -> Role:

@@ -334,8 +334,8 @@ class _Served:
             await asyncio.wait((done,), timeout=min(left_s, patience_s))
             patience_s = _REMINDER_PERIOD_S
             if not done.done():
-                told = self._vehicle.telemetry()
-                fields = {"state": told.state.name, "why": told.state_reason, "limit_s": round(left_s)}
+                telemetry = self._vehicle.telemetry()
+                fields = {"state": telemetry.state.name, "why": telemetry.state_reason, "limit_s": round(left_s)}
                 logs.event(_log, logging.WARNING, "waiting_to_end", **fields)
         error = safe.exception()
         if error is not None:

@@ -40,25 +40,25 @@ def names(first: str, count: int) -> list[str]:
     return [f"{base}_{begin + i}" for i in range(count)]
 
 
-def urls(count: int | None, given: Sequence[str], key: Callable[[str], str] = str) -> list[str | None]:
+def urls(count: int | None, wanted: Sequence[str], key: Callable[[str], str] = str) -> list[str | None]:
     """Returns the URL of each vehicle; None for each of a simulated fleet. `key` says which vehicle a URL leads to.
 
     Raises:
         ConfigError: There are more or fewer URLs than UAVs, or two UAVs would be one vehicle.
     """
-    if not given:
+    if not wanted:
         return [None] * (count or 0)
-    if count is not None and count != len(given):
-        raise ConfigError(f"{count} UAVs, but {len(given)} --fleet-url: leave out --fleet", "fleet")
-    seen: dict[str, str] = {}
-    for url in given:
+    if count is not None and count != len(wanted):
+        raise ConfigError(f"{count} UAVs, but {len(wanted)} --fleet-url: leave out --fleet", "fleet")
+    owners: dict[str, str] = {}
+    for url in wanted:
         vehicle = key(url)
-        if vehicle in seen:
-            first = seen[vehicle]
+        if vehicle in owners:
+            first = owners[vehicle]
             twice = f"{url} is given twice" if first == url else f"{first} and {url} lead to the same vehicle"
             raise ConfigError(f"{twice}: two UAVs cannot be one vehicle", "fleet_url")
-        seen[vehicle] = url
-    return list(given)
+        owners[vehicle] = url
+    return list(wanted)
 
 
 def grid_positions(urls: Sequence[str | None], spacing_m: float) -> list[Vector3]:
@@ -71,10 +71,10 @@ def grid_positions(urls: Sequence[str | None], spacing_m: float) -> list[Vector3
     ]
 
 
-def placed(settings: VehicleSettings, place: Vector3) -> VehicleSettings:
+def placed(settings: VehicleSettings, position: Vector3) -> VehicleSettings:
     """Returns the settings of the UAV at a place, made from the settings of the first UAV."""
     x, y, z = settings.home_pose
-    return structs.replace(settings, home_pose=(x + place.x, y + place.y, z + place.z))
+    return structs.replace(settings, home_pose=(x + position.x, y + position.y, z + position.z))
 
 
 def addresses(templates: Sequence[str], ns: str) -> list[str]:

@@ -36,7 +36,7 @@ class FleetTime:
         self._tell = tell
         self._is_over = is_over
         self._numbers = count()
-        self._asked: dict[int, Future[None]] = {}
+        self._requests: dict[int, Future[None]] = {}
         self._errors: dict[int, UalError] = {}
         self._maker = ThreadPoolExecutor(1, "time of the fleet")
 
@@ -49,12 +49,12 @@ class FleetTime:
         self._ask("step", duration_s)
 
     def _ask(self, kind: str, value: float) -> None:
-        number, asked = next(self._numbers), Future[None]()
-        self._asked[number] = asked
+        number, request = next(self._numbers), Future[None]()
+        self._requests[number] = request
         self._tell(ASK, number, kind, value)
         while True:
             try:
-                return asked.result(_END_CHECK_S)
+                return request.result(_END_CHECK_S)
             except TimeoutError:
                 if self._is_over():
                     raise WrongStateError("this fleet ends: the change of its time is not confirmed") from None
@@ -75,10 +75,10 @@ class FleetTime:
 
     def on_made(self, number: int, text: str) -> None:
         """All workers have made the change; `text` says what one of them refused."""
-        asked, error = self._asked.pop(number), self._errors.pop(number, None)
+        request, error = self._requests.pop(number), self._errors.pop(number, None)
         if error is None and text:
             error = WrongStateError(f"another process of this fleet has refused it: {text}")
-        asked.set_exception(error) if error is not None else asked.set_result(None)
+        request.set_exception(error) if error is not None else request.set_result(None)
 
 
 class FleetMember(Protocol):

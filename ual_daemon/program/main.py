@@ -83,8 +83,8 @@ class Count(click.ParamType[int | str]):
         return int(value)
 
 
-def _print_version(context: click.Context, _: click.Parameter, is_asked: bool) -> None:
-    if is_asked and not context.resilient_parsing:
+def _print_version(context: click.Context, _: click.Parameter, is_wanted: bool) -> None:
+    if is_wanted and not context.resilient_parsing:
         click.echo(f"ual-daemon {__version__}")
         context.exit()
 
@@ -426,19 +426,19 @@ def _fleet(configuration: Configuration, worker: Worker | None) -> list[_Planned
     section = configuration.backends.get(settings.backend, {})
     urls = fleet.urls(settings.fleet, settings.fleet_url, partial(registry.vehicle_key, settings.backend))
     names = fleet.names(settings.ns, len(urls))
-    places = fleet.grid_positions(urls, settings.fleet_spacing_m)
+    positions = fleet.grid_positions(urls, settings.fleet_spacing_m)
     listen = [[addresses.parse(text) for text in fleet.addresses(configuration.listen, ns)] for ns in names]
     options = [BackendOptions(ns, url, section) for ns, url in zip(names, urls, strict=True)]
     part = range(len(names)) if worker is None else worker.part
     own = slice(part.start, part.stop)
     try:
-        backends = registry.make_fleet(settings.backend, options[own], places[own], part.start)
+        backends = registry.make_fleet(settings.backend, options[own], positions[own], part.start)
     except ConfigError as error:
         raise _of_fleet(error) from None
     fleet.allow_files(max(map(len, fleet.parts(settings))), len(configuration.listen))
     return [
-        _Planned(_vehicle(backend, backend.options, fleet.placed(configuration.vehicle, place), settings), where)
-        for backend, place, where in zip(backends, places[own], listen[own], strict=True)
+        _Planned(_vehicle(backend, backend.options, fleet.placed(configuration.vehicle, position), settings), where)
+        for backend, position, where in zip(backends, positions[own], listen[own], strict=True)
     ]
 
 

@@ -254,11 +254,11 @@ def _holder(ns: str, lock: int) -> str:
 def _locking_pid(lock: int) -> int | None:
     """Returns the process that has a lock, if the system says so."""
     file = os.fstat(lock)
-    place = f"{os.major(file.st_dev):02x}:{os.minor(file.st_dev):02x}:{file.st_ino}"
+    inode = f"{os.major(file.st_dev):02x}:{os.minor(file.st_dev):02x}:{file.st_ino}"
     with suppress(OSError, ValueError):
         for line in Path("/proc/locks").read_text(encoding="ascii").splitlines():
             words = line.split()  # 1: FLOCK ADVISORY WRITE 4711 08:01:1234 0 EOF
-            if words[1:2] == ["FLOCK"] and words[5:6] == [place]:
+            if words[1:2] == ["FLOCK"] and words[5:6] == [inode]:
                 return int(words[4])
     return None
 

@@ -22,64 +22,68 @@ from ual_daemon.flight.state import Estimate, estimate
 class ReplayMoment(NamedTuple):
     """One update of a recorded flight.
 
-    `told` is the sample that was recorded at this update; None where there is none. If it `is_whole`, all is reported
+    `telemetry` is the sample that was recorded at this update; None without one. If it `is_whole`, all is reported
     as it was. Else the data are decoded again. Only what the autopilot did not say is then taken from the sample: the
     manoeuvre that was in progress, its task, and the reference.
     """
 
     snapshot: Snapshot
-    told: Telemetry | None = None
+    telemetry: Telemetry | None = None
     is_whole: bool = False
 
     def estimate(self, snapshot: Snapshot, freshness: Freshness) -> Estimate:
         """Estimates the state; `snapshot` has the data at the time for which that is asked."""
-        told = self.told
-        if told is None:
+        telemetry = self.telemetry
+        if telemetry is None:
             return estimate(snapshot, freshness)
         if self.is_whole:
-            return Estimate(told.state, told.state_reason, is_link_up=told.state is not State.UNINITIALIZED)
-        return estimate(snapshot, freshness, _manoeuvre(told))
+            return Estimate(
+                telemetry.state, telemetry.state_reason, is_link_up=telemetry.state is not State.UNINITIALIZED
+            )
+        return estimate(snapshot, freshness, _manoeuvre(telemetry))
 
 
-def decoded(snapshot: Snapshot, told: Telemetry) -> ReplayMoment:
+def decoded(snapshot: Snapshot, telemetry: Telemetry) -> ReplayMoment:
     """Returns data that were decoded again, with what the autopilot did not say."""
-    is_ours = told.health is None or not told.health.held_by  # a mode that UAL commanded is held by nobody
+    is_ours = telemetry.health is None or not telemetry.health.held_by  # a mode that UAL commanded is held by nobody
     return ReplayMoment(
-        snapshot._replace(control=snapshot.control._replace(held_by=None)) if is_ours else snapshot, told
+        snapshot._replace(control=snapshot.control._replace(held_by=None)) if is_ours else snapshot, telemetry
     )
 
 
-def reported(told: Telemetry, time_s: float) -> ReplayMoment:
+def reported(telemetry: Telemetry, time_s: float) -> ReplayMoment:
     """Returns a sample of a flight without packets, at a time of the player's clock.
 
     Only what the autopilot had said is in the data, for what is computed from them, such as transforms.
     """
-    body = told.odometry
-    is_known = told.state is not State.UNINITIALIZED
+    body = telemetry.odometry
+    is_known = telemetry.state is not State.UNINITIALIZED
     snapshot = Snapshot(
         time_s=time_s,
         heard_s=time_s,
         control=ControlState(
-            armed=Sample(told.armed, time_s), mode=Sample(Mode(told.flight_mode, Control.OTHER), time_s)
+            armed=Sample(telemetry.armed, time_s), mode=Sample(Mode(telemetry.flight_mode, Control.OTHER), time_s)
         ),
         motion=MotionState(
-            stamp_s=told.stamp_s,
-            estimator=Sample(Estimator(is_good=is_known, why=told.state_reason), time_s),
+            stamp_s=telemetry.stamp_s,
+            estimator=Sample(Estimator(is_good=is_known, why=telemetry.state_reason), time_s),
             pose=None if body is None else Sample(body.pose, time_s),
-            velocity=None if told.velocity is None else Sample(told.velocity, time_s),
-            position_geo=told.position_geo,
+            velocity=None if telemetry.velocity is None else Sample(telemetry.velocity, time_s),
+            position_geo=telemetry.position_geo,
         ),
-        condition=Condition(told.battery, told.gps, told.status_text, told.health, batteries=told.batteries),
+        condition=Condition(
+            telemetry.battery, telemetry.gps, telemetry.status_text, telemetry.health, batteries=telemetry.batteries
+        ),
     )
-    return ReplayMoment(snapshot, told, is_whole=True)
+    return ReplayMoment(snapshot, telemetry, is_whole=True)
 
 
-def _manoeuvre(told: Telemetry) -> State | None:
+def _manoeuvre(telemetry: Telemetry) -> State | None:
     """Returns TAKING_OFF or LANDING while a take-off or landing of UAL was in progress; else None."""
-    task = told.task
+    task = telemetry.task
     if task is None:
         return None
     if task.kind is TaskKind.TAKE_OFF:
         return State.TAKING_OFF
-    lands = task.kind is TaskKind.LAND or (task.kind is TaskKind.RETURN_TO_LAUNCH and told.state is State.LANDING)
+    lands = task.kind is TaskKind.LAND or (task.kind is TaskKind.RETURN_TO_LAUNCH and telemetry.state is State.LANDING)
     return State.LANDING if lands else None

@@ -31,25 +31,25 @@ class PlayedFrames:
 
     def take(self, frames: Sequence[Frame]) -> None:
         """Has the tree show recorded frames."""
-        told = {
+        transforms = {
             frame.frame_id: replace(frame.transform, frame_id=frame.parent_frame_id, child_frame_id=frame.frame_id)
             for frame in frames
             if frame.transform is not None and frame.parent_frame_id and not self._tree.is_fixed(frame.frame_id)
         }
         try:
-            self._show(told)
+            self._show(transforms)
         except UalError as error:  # a program has hung its own frame below one of them
             if self._why_not != error.message:
                 logs.event(_log, logging.WARNING, "frames_not_replayed", why=error)
             self._why_not = error.message
 
-    def _show(self, told: dict[str, Transform]) -> None:
-        parents = {name: each.frame_id for name, each in told.items()}
+    def _show(self, transforms: dict[str, Transform]) -> None:
+        parents = {name: each.frame_id for name, each in transforms.items()}
         if any(parents.get(name) != each.frame_id for name, each in self._played.items()):
             for name in list(reversed(self._played)):
                 self._tree.remove(name)
                 del self._played[name]
-        left = {name: each for name, each in told.items() if self._played.get(name) != each}
+        left = {name: each for name, each in transforms.items() if self._played.get(name) != each}
         while ready := [name for name in left if left[name].frame_id in self._tree.links or parents[name] == "map"]:
             for name in ready:
                 self._tree.add(left[name], self._clock.now_s())

@@ -101,8 +101,8 @@ def events(path: Path, contents: Contents) -> Iterator[Event]:
         elif message.name == _FRAMES:
             yield RecordedFrames(time_s, message.frames())
         elif message.name == _SETPOINTS:
-            place = json.loads(message.data).get("position")
-            yield SentSetpoint(time_s, None if place is None else Vector3(**place))
+            json_position = json.loads(message.data).get("position")
+            yield SentSetpoint(time_s, None if json_position is None else Vector3(**json_position))
         else:
             peer = message.metadata.get("peer", "")
             yield Packet(message.encoding, message.data, False, peer, time_s, message.publish_ns * 1e-9)

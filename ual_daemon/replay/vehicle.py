@@ -247,15 +247,15 @@ class PlayedVehicle(ReportedVehicle):
 
     @override
     def _sample(self, snapshot: Snapshot, found: Estimate, *, is_late: bool = False) -> Telemetry:
-        _, told, is_whole = self._player.moment
-        if told is not None and is_whole:
-            return replace(told, sequence=self._sequence)
-        doing = _NOT_RECORDED if told is None else _RECORDED
+        _, telemetry, is_whole = self._player.moment
+        if telemetry is not None and is_whole:
+            return replace(telemetry, sequence=self._sequence)
+        doing = _NOT_RECORDED if telemetry is None else _RECORDED
         sample = make_telemetry(snapshot, found, self._resolver, doing, self._pose_frame_id, self._sequence)
-        if told is None:
+        if telemetry is None:
             return sample
-        reference = told.reference_pose if told.frame_id == sample.frame_id else sample.reference_pose
-        return replace(sample, reference_pose=reference, task=told.task)
+        reference = telemetry.reference_pose if telemetry.frame_id == sample.frame_id else sample.reference_pose
+        return replace(sample, reference_pose=reference, task=telemetry.task)
 
     # --- Updates ------------------------------------------------------------------------------------------------------
 

@@ -34,16 +34,16 @@ class _Part(NamedTuple):
     kind: Descriptor
 
 
-def require_times(message: Message, ways: Ways) -> None:
+def require_times(message: Message, paths: Ways) -> None:
     """Requires that each time of a message, at any depth, is one. Each setpoint passes through it.
 
-    `ways` are those of its kind (`ways_to_times`).
+    `paths` are those of its kind (`ways_to_times`).
 
     Raises:
         InvalidArgumentError: One is out of range; metadata ``field`` names it.
 
     """
-    for names, is_leaf in ways:
+    for names, is_leaf in paths:
         found: Any = message
         for name in names:
             if not found.HasField(name):

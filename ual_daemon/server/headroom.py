@@ -66,7 +66,7 @@ class Headroom:
         self._free_bytes = free_bytes or limits_of_this_process()
         self._clock = clock
         self._looked_s = -math.inf
-        self._seen_bytes = math.inf
+        self._known_free_bytes = math.inf
         self._promises: list[tuple[float, int]] = []
         self._lock = threading.Lock()
 
@@ -80,9 +80,9 @@ class Headroom:
         now_s = self._clock()
         if now_s - self._looked_s >= _MEMORY_CHECK_S:
             self._looked_s = now_s
-            self._seen_bytes = self._free_bytes()
+            self._known_free_bytes = self._free_bytes()
         unread_count = sum(server.without_request_count for server in self.servers)
-        self._require(method, self._seen_bytes, (unread_count + 1) * MOST_REQUEST_BYTES)
+        self._require(method, self._known_free_bytes, (unread_count + 1) * MOST_REQUEST_BYTES)
 
     def require_room_to_work(self, method: str, size_bytes: int) -> None:
         """Requires room for what a request of this size, above `SMALL_REQUEST_BYTES`, needs once it is read.

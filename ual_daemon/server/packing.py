@@ -158,9 +158,9 @@ def _odometry(odometry: Odometry, here: bytes, stamp: bytes, stamp_s: float) -> 
     """`here` is its pose as packed before, if it is the same; `stamp` a stamp as packed before, of `stamp_s`."""
     frame, child = _texts(odometry.frame_id, odometry.child_frame_id)
     header = _delimited(_HEADER, (stamp if odometry.stamp_s == stamp_s else _stamp(odometry.stamp_s)) + frame)
-    place = here or _packed_pose(_OF_POSE, odometry.pose.position, odometry.pose.orientation)
+    bytes_of_pose = here or _packed_pose(_OF_POSE, odometry.pose.position, odometry.pose.orientation)
     return _delimited(
-        _ODOMETRY, b"".join((header, child, _ODOMETRY_POSE, place, _ODOMETRY_TWIST, _twist(odometry.twist)))
+        _ODOMETRY, b"".join((header, child, _ODOMETRY_POSE, bytes_of_pose, _ODOMETRY_TWIST, _twist(odometry.twist)))
     )
 
 

@@ -178,11 +178,11 @@ class VehicleFence:
     def _require_inside(self, zones: Sequence[FenceZone]) -> None:
         if not zones:
             return
-        place = self._vehicle.telemetry().position_geo
-        if place is None:
+        here = self._vehicle.telemetry().position_geo
+        if here is None:
             raise WrongStateError(f"{_UPLOAD}: it is not known where on Earth the UAV is")
         is_any = self._store().unites_inclusions
-        why = leaves_out(zones, place.latitude_deg, place.longitude_deg, unites_inclusions=is_any)
+        why = leaves_out(zones, here.latitude_deg, here.longitude_deg, unites_inclusions=is_any)
         if why:
             text = f"{_UPLOAD}: the fence does not contain the UAV: {why}; the autopilot would act at once"
             raise GeofenceError(text, {"zone": why})
@@ -302,8 +302,8 @@ def _check_zone(zone: FenceZone, field: str) -> None:
         validation.positive(zone.radius_m, f"{field}.radius_m", at_most=_LARGEST_RADIUS_M)
         if len(zone.points) != 1:
             raise validation.refuse(field, f"a circle has one centre, not {len(zone.points)}")
-    for place in zone.points:
-        _check_position(*place, field)
+    for corner in zone.points:
+        _check_position(*corner, field)
     crossed = crossing(zone.points) if zone.radius_m is None else None
     if crossed:
         text = "a polygon whose sides {} and {} cross or touch has no clear inside: autopilots differ about it"

@@ -146,8 +146,8 @@ class VehicleGimbals:
         number, gimbals = gimbal.info.number, self._vehicle.gimbals
         begun = gimbals.begin(number)
         is_free = gimbal.control()[0] is GimbalControl.FREE and GimbalAbility.CONTROL in gimbal.info.abilities
-        given = then_wait(gimbal.take_control(), lambda _: order()) if is_free else order()
-        return then(given, lambda _: gimbals.did(number, begun, activity, followed))
+        done = then_wait(gimbal.take_control(), lambda _: order()) if is_free else order()
+        return then(done, lambda _: gimbals.did(number, begun, activity, followed))
 
     def _offer(self) -> GimbalDrivers:
         return driver_of(self._vehicle, GimbalDrivers, "gimbals")  # type: ignore[type-abstract]  # it is only looked for

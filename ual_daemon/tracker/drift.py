@@ -33,7 +33,7 @@ _YAW_GAIN = 0.8
 _MOST_YAW_LAG_RAD = 0.3
 _NO_TURN_RAD_S = 0.1
 """A UAV that turns no faster has come to rest."""
-_SEEN_COUNT, _SEEN_EACH_S = 25, 0.04
+_RECENT_SNAPSHOTS_COUNT, _SNAPSHOT_PERIOD_S = 25, 0.04
 """Updates before a velocity begins from which the error of the estimated velocity is known at once, and their
 interval.
 """
@@ -53,10 +53,10 @@ class DriftCorrection:
         """Velocity to add now, along the local axes."""
         self.yaw_rate_rad_s = 0.0
         """Yaw rate to add now."""
-        self._places: tuple[VelocityEndPoint, VelocityEndPoint] | None = None
+        self._end_points: tuple[VelocityEndPoint, VelocityEndPoint] | None = None
         self._yaw_rad: float | None = None
         self._before: Before | None = None
-        self._seen: deque[Snapshot] = deque(maxlen=_SEEN_COUNT)
+        self._recent: deque[Snapshot] = deque(maxlen=_RECENT_SNAPSHOTS_COUNT)
         self._stepped_s = 0.0
         self._error = VelocityError()
 
@@ -64,21 +64,21 @@ class DriftCorrection:
         """Forgets the place and what was before: the next velocity begins where the UAV is then."""
         self._leave()
         self._before = None
-        self._seen.clear()
+        self._recent.clear()
 
     def stand_by(self, before: Before, snapshot: Snapshot) -> None:
         """Takes note of what is flown instead of a velocity: the place of the next velocity begins with its motion.
 
         Called at each update, so it computes nothing.
         """
-        if self._places is not None:
+        if self._end_points is not None:
             self._leave()
         self._before, self._stepped_s = before, snapshot.time_s
-        if not self._seen or snapshot.time_s - self._seen[-1].time_s >= _SEEN_EACH_S:
-            self._seen.append(snapshot)
+        if not self._recent or snapshot.time_s - self._recent[-1].time_s >= _SNAPSHOT_PERIOD_S:
+            self._recent.append(snapshot)
 
     def _leave(self) -> None:
-        self.velocity, self._places = Vector3(), None
+        self.velocity, self._end_points = Vector3(), None
         self.yaw_rate_rad_s, self._yaw_rad = 0.0, None
 
     def step(self, commanded: Twist, snapshot: Snapshot, limits: Limits, responses: VelocityResponses) -> None:
@@ -86,17 +86,17 @@ class DriftCorrection:
         if snapshot.motion.pose is None or snapshot.motion.velocity is None:
             self.forget()
             return
-        horizontal, vertical = self._places = self._places or self._begin(snapshot, responses)
+        horizontal, vertical = self._end_points = self._end_points or self._begin(snapshot, responses)
         passed_s = _passed_s(self._stepped_s, snapshot.time_s)
         self._stepped_s = snapshot.time_s
-        seen, asked = self._see(snapshot, snapshot.motion.velocity.value.linear), commanded.linear
-        p, v, error = seen
+        measured, command = self._see(snapshot, snapshot.motion.velocity.value.linear), commanded.linear
+        p, v, error = measured
         level = MotionEstimate(_level(p), _level(v), _level(error))
         upright = MotionEstimate(_upright(p), _upright(v), _upright(error))
-        along = horizontal.step(_level(asked), level, passed_s, responses.horizontal)
-        up = vertical.step(_upright(asked), upright, passed_s, responses.vertical)
-        wanted = Vector3(asked.x + along.x, asked.y + along.y, asked.z + up.z)
-        self.velocity = scaled_down(Twist(wanted), limits).linear - asked
+        along = horizontal.step(_level(command), level, passed_s, responses.horizontal)
+        up = vertical.step(_upright(command), upright, passed_s, responses.vertical)
+        wanted = Vector3(command.x + along.x, command.y + along.y, command.z + up.z)
+        self.velocity = scaled_down(Twist(wanted), limits).linear - command
         self._step_heading(commanded.angular.z, snapshot)
 
     def _see(self, snapshot: Snapshot, velocity: Vector3) -> MotionEstimate:
@@ -108,10 +108,10 @@ class DriftCorrection:
         before = None if self._before is None else self._before(snapshot)
         self._yaw_rad = None if before is None else _held_yaw_rad(before, snapshot)
         self._error = VelocityError()
-        for each in (*self._seen, snapshot):
+        for each in (*self._recent, snapshot):
             if each.motion.pose is not None and each.motion.velocity is not None:
-                seen = self._see(each, each.motion.velocity.value.linear)
-        before = before or Motion(seen.position, 0.0, seen.velocity - seen.error)
+                measured = self._see(each, each.motion.velocity.value.linear)
+        before = before or Motion(measured.position, 0.0, measured.velocity - measured.error)
         return _end_point(_level, before, responses.horizontal), _end_point(_upright, before, responses.vertical)
 
     def _step_heading(self, commanded_rad_s: float, snapshot: Snapshot) -> None:

@@ -33,9 +33,9 @@ class ExpectedMotion:
 
     def __init__(self, position: Vector3, velocity: Vector3, acceleration: Vector3, response: VelocityResponse) -> None:
         self.position, self.velocity = position, velocity
-        a, heard = acceleration, velocity + acceleration * response.time_s
+        a, followed = acceleration, velocity + acceleration * response.time_s
         self._acceleration = a.x, a.y, a.z
-        self._heard = heard.x, heard.y, heard.z
+        self._followed = followed.x, followed.y, followed.z
         """The commanded velocity through the low pass of the delay."""
 
     def advance(self, commanded: Vector3, passed_s: float, response: VelocityResponse) -> None:
@@ -45,7 +45,7 @@ class ExpectedMotion:
             return
         v, p, step_s = self.velocity, self.position, passed_s / count
         cx, cy, cz = commanded.x, commanded.y, commanded.z
-        (hx, hy, hz), vx, vy, vz = self._heard, v.x, v.y, v.z
+        (hx, hy, hz), vx, vy, vz = self._followed, v.x, v.y, v.z
         (ax, ay, az), px, py, pz = self._acceleration, p.x, p.y, p.z
         share, risen = _share(step_s, response.delay_s), _share(step_s, response.rise_s)
         time_s, half_s = max(response.time_s, step_s), step_s * step_s / 2
@@ -61,16 +61,16 @@ class ExpectedMotion:
             ax, ay, az = ax + jx * part, ay + jy * part, az + jz * part
             px, py, pz = px + vx * step_s + ax * half_s, py + vy * step_s + ay * half_s, pz + vz * step_s + az * half_s
             vx, vy, vz = vx + ax * step_s, vy + ay * step_s, vz + az * step_s
-        self._heard, self._acceleration = (hx, hy, hz), (ax, ay, az)
+        self._followed, self._acceleration = (hx, hy, hz), (ax, ay, az)
         self.position, self.velocity = Vector3(px, py, pz), Vector3(vx, vy, vz)
 
     def follow(self, velocity: Vector3, direction: Vector3) -> None:
         """Takes the part of a velocity along a direction as its own."""
-        heard, acceleration = Vector3(*self._heard), Vector3(*self._acceleration)
+        followed, acceleration = Vector3(*self._followed), Vector3(*self._acceleration)
         self.velocity += direction * (velocity - self.velocity).dot(direction)
-        heard += direction * (velocity - heard).dot(direction)
+        followed += direction * (velocity - followed).dot(direction)
         acceleration -= direction * acceleration.dot(direction)
-        self._heard = heard.x, heard.y, heard.z
+        self._followed = followed.x, followed.y, followed.z
         self._acceleration = acceleration.x, acceleration.y, acceleration.z
 
 
@@ -92,12 +92,14 @@ class VelocityEndPoint:
         self._free: tuple[Vector3, ...] = ()
         """The directions in which the place goes with the UAV; of length 1, at right angles to each other."""
 
-    def step(self, commanded: Vector3, seen: MotionEstimate, passed_s: float, response: VelocityResponse) -> Vector3:
+    def step(
+        self, commanded: Vector3, measured: MotionEstimate, passed_s: float, response: VelocityResponse
+    ) -> Vector3:
         """Makes one update. Returns what is to be added to the commanded velocity.
 
         In plain numbers, as each update passes here.
         """
-        (here, velocity, error), expected = seen, self._expected
+        (here, velocity, error), expected = measured, self._expected
         expected.advance(commanded, passed_s, response)
         if self._free or self._may_not_follow(commanded, velocity, error):
             self._find_free(commanded, here, velocity - error)
@@ -125,23 +127,23 @@ class VelocityEndPoint:
         is_carried = math.hypot(x - u.x, y - u.y, z - u.z) > _CARRIED_SPEED_M_S
         return is_carried or self._missed_m_s(c, x, y, z) is not None
 
-    def _find_free(self, commanded: Vector3, here: Vector3, flown: Vector3) -> None:
-        """Finds the directions in which the UAV cannot follow. `flown` is how its position moves."""
+    def _find_free(self, commanded: Vector3, here: Vector3, actual: Vector3) -> None:
+        """Finds the directions in which the UAV cannot follow. `actual` is how its position moves."""
         if self._free:
-            self._free = tuple(each for each in self._free if not _is_followed(commanded.dot(each), flown.dot(each)))
-        if self._is_stopped(commanded, here, flown):
+            self._free = tuple(each for each in self._free if not _is_followed(commanded.dot(each), actual.dot(each)))
+        if self._is_stopped(commanded, here, actual):
             self._make_free(commanded)
-        carried = flown - self._expected.velocity
+        carried = actual - self._expected.velocity
         if carried.norm() > _CARRIED_SPEED_M_S:
             carried = self._held(_without_slower(carried, self._expected.velocity))
             if carried.norm() > _CARRIED_SPEED_M_S:
                 self._make_free(carried)
         for direction in self._free:
-            self._expected.follow(flown, direction)
+            self._expected.follow(actual, direction)
 
-    def _is_stopped(self, commanded: Vector3, here: Vector3, flown: Vector3) -> bool:
+    def _is_stopped(self, commanded: Vector3, here: Vector3, actual: Vector3) -> bool:
         """Returns whether something stops it: it is behind, and makes less than half of the commanded speed."""
-        missed_m_s = self._missed_m_s(commanded, flown.x, flown.y, flown.z)
+        missed_m_s = self._missed_m_s(commanded, actual.x, actual.y, actual.z)
         if missed_m_s is None:
             return False
         behind_m = min(MOST_LAG_M, max(_LEAST_BEHIND_M, missed_m_s * _BEHIND_S))
@@ -169,8 +171,8 @@ class VelocityEndPoint:
         return vector
 
 
-def _is_followed(commanded_m_s: float, flown_m_s: float) -> bool:
-    return abs(commanded_m_s - flown_m_s) <= max(_LEAST_SPEED_M_S, abs(commanded_m_s) / 2)
+def _is_followed(commanded_m_s: float, measured_m_s: float) -> bool:
+    return abs(commanded_m_s - measured_m_s) <= max(_LEAST_SPEED_M_S, abs(commanded_m_s) / 2)
 
 
 def _without_slower(change: Vector3, velocity: Vector3) -> Vector3:

@@ -49,11 +49,11 @@ class Along:
         """Plans the motion to rest at a goal. Returns None if the start is not along the line to the goal, or the line
         is too long.
         """
-        way = goal - start.position
-        length_m = way.norm()
+        path = goal - start.position
+        length_m = path.norm()
         if length_m <= _ZERO_TOLERANCE:
             return None
-        axes = _axes(way / length_m)
+        axes = _axes(path / length_m)
         top_m_s = min(fastest_m_s, speed_limit(axes[0], limits))
         if length_m / top_m_s > _LONGEST_MOTION_S:
             return None
@@ -70,16 +70,16 @@ class Along:
         accelerations = [acceleration_limit(e, limits) * c for e, c in zip(axes, shares, strict=False)]
         if not (_fits(velocity, speeds) and _fits(acceleration, accelerations)):
             return None
-        given = ruckig.InputParameter(len(axes))
-        given.current_position = [0.0] * len(axes)
-        given.current_velocity, given.current_acceleration = velocity, acceleration
-        given.target_position = [length_m, 0.0, 0.0][: len(axes)]
-        given.max_acceleration = accelerations
-        given.max_jerk = [limit / RAMP_S for limit in accelerations]
-        given.max_velocity = list(map(planned_limit, speeds, velocity, acceleration, given.max_jerk))
-        given.synchronization = ruckig.Synchronization.No
+        request = ruckig.InputParameter(len(axes))
+        request.current_position = [0.0] * len(axes)
+        request.current_velocity, request.current_acceleration = velocity, acceleration
+        request.target_position = [length_m, 0.0, 0.0][: len(axes)]
+        request.max_acceleration = accelerations
+        request.max_jerk = [limit / RAMP_S for limit in accelerations]
+        request.max_velocity = list(map(planned_limit, speeds, velocity, acceleration, request.max_jerk))
+        request.synchronization = ruckig.Synchronization.No
         trajectory = ruckig.Trajectory(len(axes))
-        if ruckig.Ruckig(len(axes)).calculate(given, trajectory) != ruckig.Result.Working:
+        if ruckig.Ruckig(len(axes)).calculate(request, trajectory) != ruckig.Result.Working:
             return None
         found = cls(start.position, goal, axes, trajectory)
         forward_s = _forward_after_s(velocity[0], acceleration[0], length_m, accelerations[0])
@@ -106,8 +106,8 @@ class Along:
         """Returns whether the velocities and accelerations of all axes together are allowed. From a start at a limit
         they may exceed it.
         """
-        for look in range(_SAMPLES_COUNT + 1):
-            _, v, a = self.at(self.duration_s * look / _SAMPLES_COUNT)
+        for sample in range(_SAMPLES_COUNT + 1):
+            _, v, a = self.at(self.duration_s * sample / _SAMPLES_COUNT)
             share = acceleration_share(a, limits)
             died_out = v + a * (share * RAMP_S / 2)
             if max(share, speed_share(v, limits), speed_share(died_out, limits)) > 1.0 + _LIMIT_SLACK_RATIO:

@@ -111,13 +111,13 @@ class Change:
         if self.acceleration == _NONE:  # all velocities are between the first and the last one
             return True
         allowed = 1.0 + 1e-9
-        for look in range(_SAMPLES_COUNT + 1):
-            x = look / _SAMPLES_COUNT
+        for sample in range(_SAMPLES_COUNT + 1):
+            x = sample / _SAMPLES_COUNT
             acceleration = self.acceleration + (self.held - self.acceleration) * x
             velocity = self.velocity + (self.acceleration + acceleration) * (x * self.blend_s / 2)
             died_out = velocity + acceleration * (acceleration_share(acceleration, limits) * RAMP_S / 2)
             share = max(speed_share(velocity, limits), speed_share(died_out, limits))
-            if look == 0:  # from a start beyond the limits it must not go further beyond
+            if sample == 0:  # from a start beyond the limits it must not go further beyond
                 allowed = max(allowed, share)
             elif share > allowed:
                 return False
@@ -176,7 +176,7 @@ class _Aim:
 
     def __init__(self, pieces: Pieces, goal: Vector3, limits: Limits, fastest_m_s: float) -> None:
         self._velocity, self._acceleration = pieces.velocity, pieces.acceleration
-        self._way = goal - pieces.position
+        self._path = goal - pieces.position
         self._limits = limits
         self._fastest_m_s = fastest_m_s
 
@@ -205,13 +205,13 @@ class _Aim:
             if found is not None and found[2] <= self._stoppable_m_s(found[1], found[3]):
                 return found[:3]
             low = low * 0.98 - 0.01
-        left = self._way - stop.total_displacement()
+        left = self._path - stop.total_displacement()
         return stop, left / left_m if left_m > 0.0 else Vector3(1.0, 0.0, 0.0), 0.0
 
     def _bend(self, velocity: Vector3) -> tuple[Change, Vector3, float]:
         """Returns the change to a velocity, the vector from its end to the goal, and the length of that vector."""
         change = Change.to(velocity, self._velocity, self._acceleration, self._limits)
-        left = self._way - change.total_displacement()
+        left = self._path - change.total_displacement()
         return change, left, left.norm()
 
     def _at(self, share: float, direction: Vector3, miss: float) -> tuple[Change, Vector3, float, float] | None:
@@ -234,8 +234,8 @@ class _Aim:
             direction = left / left_m
         return None
 
-    def _stoppable_m_s(self, direction: Vector3, way_m: float) -> float:
-        return fastest_change_m_s(way_m, acceleration_limit(direction, self._limits))
+    def _stoppable_m_s(self, direction: Vector3, path_m: float) -> float:
+        return fastest_change_m_s(path_m, acceleration_limit(direction, self._limits))
 
     def _speed_limit(self, direction: Vector3) -> float:
         return min(self._fastest_m_s, speed_limit(direction, self._limits))

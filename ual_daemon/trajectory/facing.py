@@ -95,14 +95,14 @@ class Facing(HeadingPlan):
         return index + 1 == len(self._turns) and self._patched_s >= self._duration_s
 
     def _facing(self, position: Vector3, velocity: Vector3, acceleration: Vector3) -> tuple[float, float, float]:
-        way = complex(self._point.x - position.x, self._point.y - position.y)
-        if abs(way) < _LEAST_GOAL_DISTANCE_M:
+        direction = complex(self._point.x - position.x, self._point.y - position.y)
+        if abs(direction) < _LEAST_GOAL_DISTANCE_M:
             return 0.0, math.inf, math.inf
-        turning = -complex(velocity.x, velocity.y) / way
+        turning = -complex(velocity.x, velocity.y) / direction
         return (
-            cmath.phase(way),
+            cmath.phase(direction),
             turning.imag,
-            (-complex(acceleration.x, acceleration.y) / way - turning * turning).imag,
+            (-complex(acceleration.x, acceleration.y) / direction - turning * turning).imag,
         )
 
     def _at(self, time_s: float) -> tuple[float, float, float]:

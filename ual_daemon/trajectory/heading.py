@@ -53,10 +53,10 @@ class Polynomial:
     def largest_jerk(self) -> float:
         """Returns the largest magnitude of the third derivative, rad/s^3."""
         c3, c4, c5 = self._coefficients()
-        places = [0.0, 1.0]
+        knots = [0.0, 1.0]
         if c5 != 0.0 and 0.0 < -c4 / (5 * c5) < 1.0:
-            places.append(-c4 / (5 * c5))
-        return max(abs(6 * c3 + x * (24 * c4 + x * 60 * c5)) for x in places) / self.duration_s**3
+            knots.append(-c4 / (5 * c5))
+        return max(abs(6 * c3 + x * (24 * c4 + x * 60 * c5)) for x in knots) / self.duration_s**3
 
     def _coefficients(self) -> tuple[float, float, float]:
         """Returns the coefficients of what is added, over the share of the time, to the parabola of the start."""

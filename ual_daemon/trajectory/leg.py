@@ -30,13 +30,13 @@ class Leg:
         cls,
         begin: Vector3,
         direction: Vector3,
-        way_m: float,
+        path_m: float,
         speeds_m_s: tuple[float, float, float],
         acceleration_m_s2: float,
         corner: Pulse | None = None,
         next_direction: Vector3 | None = None,
     ) -> Leg:
-        """Plans a leg whose straight part is `way_m` long, with the speeds before, on, and after it."""
+        """Plans a leg whose straight part is `path_m` long, with the speeds before, on, and after it."""
         before, peak, after = speeds_m_s
         ramps_m = change_m(before, peak, acceleration_m_s2) + change_m(peak, after, acceleration_m_s2)
         return cls(
@@ -46,7 +46,7 @@ class Leg:
             peak,
             after,
             Pulse.shortest(abs(peak - before), acceleration_m_s2),
-            max(0.0, way_m - ramps_m) / peak if peak > 0.0 else 0.0,
+            max(0.0, path_m - ramps_m) / peak if peak > 0.0 else 0.0,
             Pulse.shortest(abs(peak - after), acceleration_m_s2),
             corner or Pulse(),
             next_direction or direction,
@@ -75,25 +75,25 @@ class Leg:
         if time_s <= straight_s:
             return position, Vector3(d.x * v, d.y * v, d.z * v), Vector3(d.x * a, d.y * a, d.z * a)
         t = time_s - straight_s
-        way, speed, acceleration = self.corner.at(t)
+        path, speed, acceleration = self.corner.at(t)
         v = self.after_m_s
         change, onward = (self.next_direction - d) * v, d * v
-        return position + onward * t + change * way, onward + change * speed, change * acceleration
+        return position + onward * t + change * path, onward + change * speed, change * acceleration
 
     def _along(self, t: float) -> tuple[float, float, float]:
         """Returns distance, speed and acceleration on the straight part."""
         before, peak = self.before_m_s, self.peak_m_s
         up_s = self.up.duration_s
         if t < up_s:
-            way, speed, acceleration = self.up.at(t)
+            path, speed, acceleration = self.up.at(t)
             change = peak - before
-            return before * t + change * way, before + change * speed, change * acceleration
+            return before * t + change * path, before + change * speed, change * acceleration
         begun_m = (before + peak) / 2 * up_s
         t -= up_s
         if t < self.cruise_s:
             return begun_m + peak * t, peak, 0.0
         begun_m += peak * self.cruise_s
         t -= self.cruise_s
-        way, speed, acceleration = self.down.at(t)
+        path, speed, acceleration = self.down.at(t)
         change = self.after_m_s - peak
-        return begun_m + peak * t + change * way, peak + change * speed, change * acceleration
+        return begun_m + peak * t + change * path, peak + change * speed, change * acceleration

@@ -244,8 +244,10 @@ class _Planner:
         passes: list[float] = [run.bend_s] if numbers[0] > first else []
         ends_s = [*run.corners_s, run.motion_s]
         for index, (here, there) in enumerate(itertools.pairwise(numbers)):
-            begin, way = self._points[here], self._points[there] - self._points[here]
-            shares = [(point - begin).dot(way) / way.dot(way) for point in self._points[here + 1 : there]]
+            begin, direction = self._points[here], self._points[there] - self._points[here]
+            shares = [
+                (point - begin).dot(direction) / direction.dot(direction) for point in self._points[here + 1 : there]
+            ]
             passes += [*(run.when(index, share) for share in shares), ends_s[index]]
         return passes
 
@@ -287,10 +289,10 @@ def _is_resting(motion: Motion) -> bool:
     return motion.velocity == motion.acceleration == Vector3()
 
 
-def _azimuth(way: Vector3, otherwise_rad: float) -> float:
-    if way.horizontal_norm() <= _LEAST_HORIZONTAL_SHARE * way.norm():
+def _azimuth(direction: Vector3, otherwise_rad: float) -> float:
+    if direction.horizontal_norm() <= _LEAST_HORIZONTAL_SHARE * direction.norm():
         return otherwise_rad
-    return math.atan2(way.y, way.x)
+    return math.atan2(direction.y, direction.x)
 
 
 def _azimuths(points: Sequence[Vector3], before_rad: float) -> list[float]:

@@ -68,30 +68,30 @@ def change_m(before_m_s: float, after_m_s: float, acceleration_m_s2: float) -> f
     return (before_m_s + after_m_s) / 2 * change_s(after_m_s - before_m_s, acceleration_m_s2)
 
 
-def fastest_change_m_s(way_m: float, acceleration_m_s2: float) -> float:
+def fastest_change_m_s(path_m: float, acceleration_m_s2: float) -> float:
     """Returns the largest speed from which it is possible to stop within a distance. A change of velocity of the same
     size and mean speed needs the same distance.
     """
-    if way_m >= acceleration_m_s2 * RAMP_S**2:
-        return (math.sqrt(RAMP_S**2 + 8 * way_m / acceleration_m_s2) - RAMP_S) * acceleration_m_s2 / 2
-    return (way_m**2 * acceleration_m_s2 / RAMP_S) ** (1 / 3) if way_m > 0.0 else 0.0
+    if path_m >= acceleration_m_s2 * RAMP_S**2:
+        return (math.sqrt(RAMP_S**2 + 8 * path_m / acceleration_m_s2) - RAMP_S) * acceleration_m_s2 / 2
+    return (path_m**2 * acceleration_m_s2 / RAMP_S) ** (1 / 3) if path_m > 0.0 else 0.0
 
 
-def peak_m_s(before_m_s: float, after_m_s: float, way_m: float, fastest_m_s: float, acceleration_m_s2: float) -> float:
+def peak_m_s(before_m_s: float, after_m_s: float, path_m: float, fastest_m_s: float, acceleration_m_s2: float) -> float:
     """Returns the largest speed that a motion can reach, and keep, on a distance between two given speeds.
 
     The distance must be long enough for the change from one speed to the other.
     """
 
     def spare_m(peak: float) -> float:
-        return way_m - change_m(before_m_s, peak, acceleration_m_s2) - change_m(peak, after_m_s, acceleration_m_s2)
+        return path_m - change_m(before_m_s, peak, acceleration_m_s2) - change_m(peak, after_m_s, acceleration_m_s2)
 
     if spare_m(fastest_m_s) >= 0.0:
         return fastest_m_s
     lowest = max(before_m_s, after_m_s)
     # The solution if both changes reach the limit of the acceleration.
     a, r = acceleration_m_s2, RAMP_S
-    rest = (before_m_s + after_m_s) * r / 2 - (before_m_s**2 + after_m_s**2) / (2 * a) - way_m
+    rest = (before_m_s + after_m_s) * r / 2 - (before_m_s**2 + after_m_s**2) / (2 * a) - path_m
     peak = (math.sqrt(max(0.0, r * r - 4 * rest / a)) - r) * a / 2
     return peak if peak - lowest >= a * r else largest(spare_m, lowest, fastest_m_s)
 

@@ -19,7 +19,7 @@ from ual_daemon.trajectory.motion import Motion, Trajectory
 from ual_daemon.trajectory.pieces import Pieces
 from ual_daemon.trajectory.pulse import Pulse, change_m, change_s, fastest_change_m_s, largest, peak_m_s
 
-_LEAST_DIRECTION_CHANGE = 1e-9
+_BEND_NORM = 1e-9
 CORNER_RADIUS_SHARE = 0.1
 """A point that is this near to a leg, as a share of the corner radius, counts as on the leg."""
 
@@ -33,9 +33,7 @@ class _Corner:
 
     def duration_s(self, speed_m_s: float) -> float:
         """Returns the duration at a speed."""
-        return (
-            change_s(self.change * speed_m_s, self.acceleration_m_s2) if self.change > _LEAST_DIRECTION_CHANGE else 0.0
-        )
+        return change_s(self.change * speed_m_s, self.acceleration_m_s2) if self.change > _BEND_NORM else 0.0
 
     def cut_m(self, speed_m_s: float) -> float:
         """Returns the distance from the corner at which it leaves the leg, and joins the next one."""
@@ -45,15 +43,11 @@ class _Corner:
         """Returns the distance from the corner at which it may leave the leg to stay close to both legs. It passes the
         corner at a quarter of this distance times the change of direction, at most.
         """
-        return (
-            4 * CORNER_RADIUS_SHARE * corner_radius_m / self.change
-            if self.change > _LEAST_DIRECTION_CHANGE
-            else math.inf
-        )
+        return 4 * CORNER_RADIUS_SHARE * corner_radius_m / self.change if self.change > _BEND_NORM else math.inf
 
     def fastest_m_s(self, cut_m: float) -> float:
         """Returns the speed at which it leaves the leg at a distance from the corner."""
-        if self.change <= _LEAST_DIRECTION_CHANGE:
+        if self.change <= _BEND_NORM:
             return math.inf
         return fastest_change_m_s(cut_m * self.change, self.acceleration_m_s2) / self.change
 
@@ -72,19 +66,19 @@ class Run(Trajectory):
         points: Sequence[Vector3],
         fastest_m_s: Sequence[float],
         least_s: Sequence[float],
-        reach_m: Sequence[float],
+        range_m: Sequence[float],
         corner_radius_m: float,
         limits: Limits,
     ) -> None:
         """`points` begin where the bend ends; the bend must end towards the second point, or at rest. For each leg,
-        `fastest_m_s` is its speed limit (infinity: none of its own), `least_s` its shortest duration, and `reach_m` how
+        `fastest_m_s` is its speed limit (infinity: none of its own), `least_s` its shortest duration, and `range_m` how
         far from its ends it may be left. If that is more than the radius, the corner must stay within
         `CORNER_RADIUS_SHARE` of the radius from the legs.
         """
         self.limits = limits
         self._bend = bend
         self._points = points
-        self._make_legs(fastest_m_s, least_s, reach_m, corner_radius_m, limits)
+        self._make_legs(fastest_m_s, least_s, range_m, corner_radius_m, limits)
         self.bend_s = bend.duration_s
         self._times = [self.bend_s]
         for leg in self.legs:
@@ -102,14 +96,14 @@ class Run(Trajectory):
         self,
         fastest_m_s: Sequence[float],
         least_s: Sequence[float],
-        reach_m: Sequence[float],
+        range_m: Sequence[float],
         corner_radius_m: float,
         limits: Limits,
     ) -> None:
         points = self._points
-        ways = [b - a for a, b in itertools.pairwise(points)]
-        lengths = [way.norm() for way in ways]
-        directions = [way / length for way, length in zip(ways, lengths, strict=True)]
+        sides = [b - a for a, b in itertools.pairwise(points)]
+        lengths = [side.norm() for side in sides]
+        directions = [side / length for side, length in zip(sides, lengths, strict=True)]
         accelerations = [acceleration_limit(direction, limits) for direction in directions]
         caps = [
             min(speed_limit(direction, limits), fastest, length / least if least > 0.0 else math.inf)
@@ -118,7 +112,7 @@ class Run(Trajectory):
         corners = [_NO_CORNER, *(_corner(a, b, limits) for a, b in itertools.pairwise(directions)), _NO_CORNER]
         speeds = [self._bend.velocity.norm()]
         for i in range(1, len(corners) - 1):
-            cut_m = min(reach_m[i - 1], reach_m[i], max(corner_radius_m, corners[i].close_m(corner_radius_m)))
+            cut_m = min(range_m[i - 1], range_m[i], max(corner_radius_m, corners[i].close_m(corner_radius_m)))
             cut_m = min(cut_m, lengths[i - 1] / 2, lengths[i] / 2)
             speeds.append(min(caps[i - 1], caps[i], corners[i].fastest_m_s(cut_m)))
         speeds.append(0.0)
@@ -133,12 +127,12 @@ class Run(Trajectory):
             before, after = speeds[i], speeds[i + 1]
             cut_m, next_cut_m = corners[i].cut_m(before) if i else 0.0, corners[i + 1].cut_m(after)
             self._cuts_m.append(cut_m)
-            way_m = lengths[i] - cut_m - next_cut_m
-            peak = peak_m_s(before, after, way_m, max(caps[i], after), accelerations[i])
+            path_m = lengths[i] - cut_m - next_cut_m
+            peak = peak_m_s(before, after, path_m, max(caps[i], after), accelerations[i])
             last = i + 1 == len(directions)
             corner = Pulse() if last else _pulse(corners[i + 1], after)
             onward = direction if last else directions[i + 1]
-            leg = Leg.along(begin, direction, way_m, (before, peak, after), accelerations[i], corner, onward)
+            leg = Leg.along(begin, direction, path_m, (before, peak, after), accelerations[i], corner, onward)
             self.legs.append(leg)
             time_s += leg.duration_s
             if not last:
@@ -191,12 +185,12 @@ class Run(Trajectory):
         straight_s = leg.up.duration_s, leg.cruise_s, leg.down.duration_s
         marks_s = [begin_s, *(begin_s + passed_s for passed_s in itertools.accumulate(straight_s))]
         marks_m = [self._cuts_m[index] + leg.along_m(mark_s - begin_s) for mark_s in marks_s]
-        flown_m = share * (self._left_m[index] - self._left_m[index + 1])
-        after = bisect.bisect_left(marks_m, flown_m)
+        passed_m = share * (self._left_m[index] - self._left_m[index + 1])
+        after = bisect.bisect_left(marks_m, passed_m)
         if after in (0, len(marks_m)):
             return marks_s[min(after, len(marks_s) - 1)]
         before_m, after_m = marks_m[after - 1], marks_m[after]
-        part = (flown_m - before_m) / (after_m - before_m)
+        part = (passed_m - before_m) / (after_m - before_m)
         return marks_s[after - 1] + part * (marks_s[after] - marks_s[after - 1])
 
     def _index(self, time_s: float) -> int:
@@ -214,8 +208,8 @@ class Run(Trajectory):
             return self._left_m[0] + self._bend_m * (1.0 - max(0.0, time_s) / self.bend_s)
         index = self._index(time_s)
         leg, t = self.legs[index], time_s - self._times[index]
-        flown_m = self._cuts_m[index] + leg.along_m(t) + max(0.0, t - leg.straight_s) * leg.after_m_s
-        return max(0.0, self._left_m[index] - flown_m)
+        passed_m = self._cuts_m[index] + leg.along_m(t) + max(0.0, t - leg.straight_s) * leg.after_m_s
+        return max(0.0, self._left_m[index] - passed_m)
 
 
 def _horizontal_distance_m(point: Vector3, begin: Vector3, end: Vector3) -> float:
@@ -232,11 +226,11 @@ _NO_CORNER = _Corner(0.0, 1.0)
 def _corner(before: Vector3, after: Vector3, limits: Limits) -> _Corner:
     change = after - before
     size = change.norm()
-    return _Corner(size, acceleration_limit(change / size, limits)) if size > _LEAST_DIRECTION_CHANGE else _NO_CORNER
+    return _Corner(size, acceleration_limit(change / size, limits)) if size > _BEND_NORM else _NO_CORNER
 
 
 def _pulse(corner: _Corner, speed_m_s: float) -> Pulse:
-    if corner.change <= _LEAST_DIRECTION_CHANGE:
+    if corner.change <= _BEND_NORM:
         return Pulse()
     return Pulse.shortest(corner.change * speed_m_s, corner.acceleration_m_s2)
 

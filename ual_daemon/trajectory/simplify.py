@@ -54,15 +54,15 @@ def _is_straight(
     within_m: float,
     within_rad: float,
 ) -> bool:
-    p, way = points[begin], points[end] - points[begin]
-    square = way.dot(way)
+    p, chord = points[begin], points[end] - points[begin]
+    square = chord.dot(chord)
     last = 0.0
     for number in range(begin + 1, end):
         x, y, z = points[number].x - p.x, points[number].y - p.y, points[number].z - p.z
-        share = (x * way.x + y * way.y + z * way.z) / square if square > 0.0 else -1.0
+        share = (x * chord.x + y * chord.y + z * chord.z) / square if square > 0.0 else -1.0
         if not last <= share <= 1.0 or fastest_m_s[number] != fastest_m_s[number - 1]:
             return False
-        dx, dy, dz = x - share * way.x, y - share * way.y, z - share * way.z
+        dx, dy, dz = x - share * chord.x, y - share * chord.y, z - share * chord.z
         if dx * dx + dy * dy + dz * dz > within_m * within_m:
             return False
         if yaws_rad is not None:

@@ -35,27 +35,27 @@ class StraightTrajectory(Trajectory):
         self.limits = limits
         self.length_m = (goal - start.position).norm()
         self._turn = Turn(start, goal_yaw_rad, limits)
-        self._way: Along | _BentTrajectory
+        self._path: Along | _BentTrajectory
         if start.velocity == start.acceleration == Vector3():
-            self._way = _BentTrajectory.from_rest(start.position, goal, limits, max_speed_m_s, self._turn.duration_s)
+            self._path = _BentTrajectory.from_rest(start.position, goal, limits, max_speed_m_s, self._turn.duration_s)
         else:
-            self._way = Along.plan(start, goal, limits, max_speed_m_s) or _BentTrajectory(
+            self._path = Along.plan(start, goal, limits, max_speed_m_s) or _BentTrajectory(
                 *aim(start, goal, limits, max_speed_m_s), goal, limits, max_speed_m_s
             )
-        if self._way.duration_s > self._turn.duration_s > 0.0:
-            self._turn = Turn(start, goal_yaw_rad, limits, within_s=self._way.duration_s)
-        self.duration_s = max(self._way.duration_s, self._turn.duration_s)
+        if self._path.duration_s > self._turn.duration_s > 0.0:
+            self._turn = Turn(start, goal_yaw_rad, limits, within_s=self._path.duration_s)
+        self.duration_s = max(self._path.duration_s, self._turn.duration_s)
         self._end = Motion(goal, wrap_angle(goal_yaw_rad))
 
     @override
     def bends_s(self) -> Iterable[tuple[float, float]]:
-        return ((0.0, self._way.bend_s),)
+        return ((0.0, self._path.bend_s),)
 
     @override
     def at(self, time_s: float) -> Motion:
         if time_s >= self.duration_s:
             return self._end
-        position, velocity, acceleration = self._way.at(time_s)
+        position, velocity, acceleration = self._path.at(time_s)
         yaw, yaw_rate, yaw_acceleration = self._turn.at(time_s)
         return Motion(position, yaw, velocity, acceleration, yaw_rate, yaw_acceleration)
 
@@ -106,9 +106,9 @@ class _BentTrajectory:
         cls, begin: Vector3, goal: Vector3, limits: Limits, max_speed_m_s: float, within_s: float
     ) -> _BentTrajectory:
         """Plans a line without a bend."""
-        way = goal - begin
-        length_m = way.norm()
-        direction = way / length_m if length_m > 0.0 else Vector3(1.0, 0.0, 0.0)
+        path = goal - begin
+        length_m = path.norm()
+        direction = path / length_m if length_m > 0.0 else Vector3(1.0, 0.0, 0.0)
         rest = Pieces(begin, Vector3(), Vector3())
         return cls(rest, direction, length_m, goal, limits, max_speed_m_s, within_s)
 
@@ -121,15 +121,15 @@ class _BentTrajectory:
         return self._leg.at(time_s - self._bend.duration_s)
 
 
-def _peak_m_s(begin_m_s: float, way_m: float, fastest_m_s: float, acceleration: float, within_s: float) -> float:
+def _peak_m_s(begin_m_s: float, path_m: float, fastest_m_s: float, acceleration: float, within_s: float) -> float:
     """Returns the largest peak speed with which the motion to rest takes at least `within_s`."""
-    peak = peak_m_s(begin_m_s, 0.0, way_m, fastest_m_s, acceleration)
+    peak = peak_m_s(begin_m_s, 0.0, path_m, fastest_m_s, acceleration)
 
     def longer_s(peak: float) -> float:
         ramps_m = change_m(begin_m_s, peak, acceleration) + change_m(peak, 0.0, acceleration)
         ramps_s = change_s(peak - begin_m_s, acceleration) + change_s(peak, acceleration)
-        return ramps_s + (way_m - ramps_m) / peak - within_s
+        return ramps_s + (path_m - ramps_m) / peak - within_s
 
     if longer_s(peak) >= 0.0:
         return peak
-    return largest(longer_s, way_m / within_s, peak)  # a peak below the mean speed would take longer than `within_s`
+    return largest(longer_s, path_m / within_s, peak)  # a peak below the mean speed would take longer than `within_s`

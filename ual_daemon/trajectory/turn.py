@@ -35,25 +35,25 @@ class Turn:
         is_turning = start.yaw_rate_rad_s != 0.0 or start.yaw_acceleration_rad_s2 != 0.0
         if not is_turning and (yaw_rad is None or yaw_rad == start.yaw_rad):
             return
-        given = ruckig.InputParameter(1)
-        given.current_position = [0.0]
-        given.current_velocity = [start.yaw_rate_rad_s]
-        given.current_acceleration = [start.yaw_acceleration_rad_s2]
+        request = ruckig.InputParameter(1)
+        request.current_position = [0.0]
+        request.current_velocity = [start.yaw_rate_rad_s]
+        request.current_acceleration = [start.yaw_acceleration_rad_s2]
         jerk_limit = turn_jerk_limit(limits)
-        given.max_velocity = [
+        request.max_velocity = [
             planned_limit(limits.yaw_rate_rad_s, start.yaw_rate_rad_s, start.yaw_acceleration_rad_s2, jerk_limit)
         ]
-        given.max_acceleration = [turn_acceleration_limit(limits)]
-        given.max_jerk = [jerk_limit]
+        request.max_acceleration = [turn_acceleration_limit(limits)]
+        request.max_jerk = [jerk_limit]
         if yaw_rad is None:  # only stops turning
-            given.control_interface = ruckig.ControlInterface.Velocity
+            request.control_interface = ruckig.ControlInterface.Velocity
         else:
-            given.target_position = [wrap_angle(yaw_rad - start.yaw_rad)]
-        self._trajectory = _calculate(given)
+            request.target_position = [wrap_angle(yaw_rad - start.yaw_rad)]
+        self._trajectory = _calculate(request)
         if within_s > self._trajectory.duration * _LONGER_TURN_FACTOR:
-            given.minimum_duration = min(within_s, _LONGEST_TURN_S)
+            request.minimum_duration = min(within_s, _LONGEST_TURN_S)
             with suppress(UalError):  # Ruckig fails for some motions: then the turn is as fast as possible
-                self._trajectory = _calculate(given)
+                self._trajectory = _calculate(request)
         self.duration_s = self._trajectory.duration
 
     def at(self, time_s: float) -> tuple[float, float, float]:

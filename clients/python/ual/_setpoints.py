@@ -3,7 +3,7 @@
 Poses from outside (`set_external_pose`) are sent in the same way, by a stream of their own.
 
 The first setpoint waits for the daemon's answer (a millisecond), so that the caller that began to fly gets the refusal.
-Setpoints that follow within `CONTINUED_STREAM_S` only hand over the newest one and return. If the daemon refuses one of
+Setpoints that follow within `STREAM_S` only hand over the newest one and return. If the daemon refuses one of
 these, the next setpoint raises the refusal.
 """
 
@@ -28,7 +28,7 @@ _log = logging.getLogger(__name__)
 Element: TypeAlias = Any
 """A message of the stream: which one depends on its `StreamKind`."""
 
-CONTINUED_STREAM_S = 0.5
+STREAM_S = 0.5
 """A setpoint that comes later than this after the last one is sent by a call again. The daemon stops a UAV that gets no
 velocity for this long.
 """
@@ -90,9 +90,7 @@ class Setpoints:
         with self._lock:
             failure, self._failure = self._failure, None
             now_s = self._clock()
-            continues = (
-                failure is None and self._accepted_s is not None and now_s - self._accepted_s < CONTINUED_STREAM_S
-            )
+            continues = failure is None and self._accepted_s is not None and now_s - self._accepted_s < STREAM_S
             self._accepted_s = now_s if continues else None
             stream, is_new = self._stream, False
             if continues and stream is None:
@@ -259,12 +257,12 @@ class _Stream:
         self._iterated.put((setpoint, then))
 
     def _end(self, call: Any) -> None:  # noqa: ANN401 (gRPC's future)
-        was_asked, self._is_ending = self._is_ending, True
+        was_ending, self._is_ending = self._is_ending, True
         self._iterated.put(None)  # ends gRPC's sending thread, too
         failure: UalError | None = None
         if call.code() is not grpc.StatusCode.OK:
             failure = None if call.cancelled() else self._connection.error(call)
-        elif not was_asked:
+        elif not was_ending:
             failure = DaemonUnreachableError(f"the daemon ended the stream of {self._kind.name}")
         self._on_end(self, failure)
         self._ended.set()

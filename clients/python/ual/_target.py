@@ -119,9 +119,9 @@ class DaemonTarget:
     ) -> None:
         environment.require_known()
         self.ns = _name(ns) or environment.value(environment.NS_VARIABLE) or ""
-        place: tuple[str | None, NetworkChoice | None] = environment.resolve_target(address, network)
-        given, on = place
-        self._fixed_address = None if given is None else _checked(given)
+        target: tuple[str | None, NetworkChoice | None] = environment.resolve_target(address, network)
+        address, on = target
+        self._fixed_address = None if address is None else _checked(address)
         self._shown = Credentials.from_environment() if credentials is None else _credentials(credentials)
         trusted = environment.value(environment.CA_VARIABLE) if tls_ca is None else tls_ca
         self._credentials = _read_tls(trusted, self._shown) if trusted else None
@@ -129,16 +129,16 @@ class DaemonTarget:
         self.lease_id = ""
         """The lease with which its commands are given; empty where it has none."""
         self._address: str | None = self._fixed_address
-        self._seen: tuple[int, int] | None = None
+        self._signature: tuple[int, int] | None = None
         self._answered_ns = ""
 
     @property
     def metadata(self) -> tuple[tuple[str, str], ...]:
         """The metadata that every request carries."""
-        given = self._shown.metadata(self._address or self.address(), has_tls=self._credentials is not None)
+        metadata = self._shown.metadata(self._address or self.address(), has_tls=self._credentials is not None)
         if self.ns:
-            given = ((NS_METADATA_KEY, self.ns), *given)
-        return (*given, (LEASE_METADATA_KEY, self.lease_id)) if self.lease_id else given
+            metadata = ((NS_METADATA_KEY, self.ns), *metadata)
+        return (*metadata, (LEASE_METADATA_KEY, self.lease_id)) if self.lease_id else metadata
 
     @property
     def known_ns(self) -> str:
@@ -209,9 +209,9 @@ class DaemonTarget:
             if daemon is None:
                 return discovery.default_address("")
             self.ns = daemon.ns
-        seen = _signature(discovery.registry_file(self.ns))
-        if self._address is None or (seen is not None and seen != self._seen):
-            self._seen = seen
+        signature = _signature(discovery.registry_file(self.ns))
+        if self._address is None or (signature is not None and signature != self._signature):
+            self._signature = signature
             registration = discovery.registered(self.ns)
             if registration is not None:
                 self._address = registration.address
@@ -233,13 +233,13 @@ def _name(ns: str | None) -> str:
     return ns or ""
 
 
-def _credentials(given: Credentials) -> Credentials:
-    if not isinstance(given, Credentials):  # its value is secret, and is not shown
+def _credentials(credentials: Credentials) -> Credentials:
+    if not isinstance(credentials, Credentials):  # its value is secret, and is not shown
         raise InvalidArgumentError(
-            f"credentials: they are of type {type(given).__name__}; pass ual.Credentials(token=...)",
+            f"credentials: they are of type {type(credentials).__name__}; pass ual.Credentials(token=...)",
             {"field": "credentials"},
         )
-    return given
+    return credentials
 
 
 def _checked(address: str) -> str:

@@ -256,8 +256,8 @@ def _numbers(
     return found
 
 
-def _is_left_out(given: object, default: float) -> bool:
-    return given.__class__ is float and given == default
+def _is_left_out(value: object, default: float) -> bool:
+    return value.__class__ is float and value == default
 
 
 def wrap_angle(angle_rad: float) -> float:

@@ -224,9 +224,9 @@ class Simulation(Protocol):
 
 
 def _unsupported(simulation: Simulation, part: SimulationPart) -> NotSupportedError:
-    offered = ", ".join(sorted(each.name.lower() for each in simulation.parts())) or "nothing of its own"
+    available = ", ".join(sorted(each.name.lower() for each in simulation.parts())) or "nothing of its own"
     what = part.name.lower()
-    return NotSupportedError(f"this simulation does not offer the part {what} (it offers: {offered})", {"part": what})
+    return NotSupportedError(f"this simulation does not offer the part {what} (it offers: {available})", {"part": what})
 
 
 class Parameters(Protocol):

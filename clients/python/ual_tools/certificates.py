@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 F = TypeVar("F", bound=Callable[..., Any])
 R = TypeVar("R")
 
-_LONGEST_VALIDITY_DAYS = 3650.0
+_VALIDITY_DAYS = 3650.0
 
 
 def _directory(function: F) -> F:
@@ -43,7 +43,7 @@ def _directory(function: F) -> F:
 def _days(default: float) -> Callable[[F], F]:
     return click.option(
         "--days",
-        type=Number(0.0, _LONGEST_VALIDITY_DAYS, min_open=True),
+        type=Number(0.0, _VALIDITY_DAYS, min_open=True),
         default=default,
         show_default=True,
         help="How long it is valid.",
@@ -66,7 +66,7 @@ def certificates() -> None:
 
 @command("authority", "ual certificates authority", section=Section.ACCESS)
 @click.option("--name", default="UAL team", show_default=True, help="What it is called in its certificates.")
-@_days(_LONGEST_VALIDITY_DAYS)
+@_days(_VALIDITY_DAYS)
 @_directory
 @pass_session
 def authority(session: CommandSession, name: str, days: float, directory: Path) -> None:

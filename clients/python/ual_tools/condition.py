@@ -16,7 +16,7 @@ from ual_tools.watch_board import WatchedUav
 LOW_PERCENT, CRITICAL_PERCENT = 30.0, 15.0
 """At and below these a battery is called low (QGroundControl announces it from there on), and critical (PX4 warns
 from there on, when not configured)."""
-_ALWAYS_TOLD = ("daemon: ", "autopilot: ", "position: ")
+_ALWAYS_REPORTED = ("daemon: ", "autopilot: ", "position: ")
 """Prefixes of checks that are reported in each state; see `ual.types.Health`."""
 _WEAK_LINK_SHARE = 0.8
 """Share of the autopilot's messages below which the link counts as weak."""
@@ -67,12 +67,12 @@ def of_telemetry(t: Telemetry) -> UavCondition:
     return UavCondition(max((level for level, _ in others), default=Urgency.FINE), t.state.name, text, note)
 
 
-def uav_condition(seen: WatchedUav, now_s: float, lost_after_s: float) -> UavCondition:
+def uav_condition(watched: WatchedUav, now_s: float, lost_after_s: float) -> UavCondition:
     """Returns how a UAV is by what is known of it."""
-    what = problem(seen, now_s, lost_after_s)
+    what = problem(watched, now_s, lost_after_s)
     if what:
         return UavCondition(Urgency.ALARM, "LOST", what, what)
-    return UavCondition() if seen.telemetry is None else of_telemetry(seen.telemetry)
+    return UavCondition() if watched.telemetry is None else of_telemetry(watched.telemetry)
 
 
 def of_answer(found: Telemetry | UalError) -> UavCondition:
@@ -83,14 +83,14 @@ def of_answer(found: Telemetry | UalError) -> UavCondition:
     return UavCondition(Urgency.ALARM, found.reason, text, text)
 
 
-def problem(seen: WatchedUav, now_s: float, lost_after_s: float) -> str:
+def problem(watched: WatchedUav, now_s: float, lost_after_s: float) -> str:
     """Returns why the sample must not be taken for the present, or nothing."""
-    was = "" if seen.telemetry is None else f", it was {seen.telemetry.state.name}"
-    if seen.gone_s is not None:
+    was = "" if watched.telemetry is None else f", it was {watched.telemetry.state.name}"
+    if watched.gone_s is not None:
         return f"its daemon has ended{was}"
-    age_s = now_s - seen.since_s
-    if seen.why:
-        return f"no telemetry for {age_s:.0f} s{was}: {' '.join(seen.why.split())}"
+    age_s = now_s - watched.since_s
+    if watched.why:
+        return f"no telemetry for {age_s:.0f} s{was}: {' '.join(watched.why.split())}"
     return f"no telemetry for {age_s:.0f} s{was}" if age_s >= lost_after_s else ""
 
 
@@ -158,9 +158,9 @@ def _of_health(t: Telemetry) -> list[tuple[Urgency, str]]:
         found.append((Urgency.ALARM, f"frame lost: {t.frame_lost}"))
     if health.link_quality is not None and health.link_quality < _WEAK_LINK_SHARE:
         found.append((Urgency.WARNING, f"weak link: {100.0 * health.link_quality:.0f} % arrives"))
-    found += [(Urgency.WARNING, each) for each in health.failing_checks if each.startswith(_ALWAYS_TOLD)]
+    found += [(Urgency.WARNING, each) for each in health.failing_checks if each.startswith(_ALWAYS_REPORTED)]
     if t.state is State.LANDED_DISARMED and health.is_ready_to_arm is False:
-        others = ", ".join(each for each in health.failing_checks if not each.startswith(_ALWAYS_TOLD))
+        others = ", ".join(each for each in health.failing_checks if not each.startswith(_ALWAYS_REPORTED))
         found.append((Urgency.WARNING, f"not ready to arm: {others or 'it does not say why'}"))
     return found
 

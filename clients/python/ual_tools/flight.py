@@ -26,7 +26,7 @@ from ual_tools.session import CommandSession, note, pass_session
 F = TypeVar("F", bound=Callable[..., Any])
 
 _VELOCITY_PERIOD_S = 0.05
-_TOLD_S, _LOOK_S = 1.0, 0.02
+_TELEMETRY_WAIT_S, _POLL_PERIOD_S = 1.0, 0.02
 """Patience for the sample after a new home, and the pause between two looks."""
 _SAME_HEIGHT_M = 0.5
 """An estimate of the ground wanders by as much."""
@@ -321,10 +321,10 @@ def home(session: CommandSession, set_z: bool) -> None:
 
 def _why_not_kept(uav: Uav, sequence: int) -> str:
     """Returns why the daemon cannot save home, as a sample after that of a number tells; empty where it has."""
-    end_s = time.monotonic() + _TOLD_S
-    while (told := uav.telemetry()).sequence == sequence and time.monotonic() < end_s:
-        time.sleep(_LOOK_S)
-    checks = () if told.health is None else told.health.failing_checks
+    end_s = time.monotonic() + _TELEMETRY_WAIT_S
+    while (telemetry := uav.telemetry()).sequence == sequence and time.monotonic() < end_s:
+        time.sleep(_POLL_PERIOD_S)
+    checks = () if telemetry.health is None else telemetry.health.failing_checks
     return next((each for each in checks if each.startswith(f"daemon: {HOME} ")), "")
 
 

@@ -125,9 +125,9 @@ def rates(session: CommandSession, pitch: str, yaw: str, gimbal_number: int) -> 
 @pass_session
 def point(session: CommandSession, x: str, y: str, z: str, frame_id: str, gimbal_number: int) -> None:
     """Look at a position, and follow it while the UAV or the frame moves."""
-    place = PointStamped(Vector3(number(x), number(y), number(z)), frame_id)
+    target = PointStamped(Vector3(number(x), number(y), number(z)), frame_id)
     with session.connect() as uav:
-        uav.gimbals[gimbal_number].point_at(place)
+        uav.gimbals[gimbal_number].point_at(target)
     _done(session, "gimbal point")
 
 

@@ -132,14 +132,14 @@ def start(session: CommandSession, first_item: int, on_link_loss: str | None, is
 @pass_session
 def pause(session: CommandSession) -> None:
     """Hold on the way of the mission."""
-    _do(session, "pause", lambda flown: flown.pause(), "the UAV holds on the way of its mission")
+    _do(session, "pause", lambda current: current.pause(), "the UAV holds on the way of its mission")
 
 
 @mission.command("resume", cls=UalCommand, examples=("ual mission resume",))
 @pass_session
 def resume(session: CommandSession) -> None:
     """Go on with the mission after a pause."""
-    _do(session, "resume", lambda flown: flown.resume(), "the mission goes on")
+    _do(session, "resume", lambda current: current.resume(), "the mission goes on")
 
 
 @mission.command("jump", cls=UalCommand, examples=("ual mission jump 12",))
@@ -147,7 +147,7 @@ def resume(session: CommandSession) -> None:
 @pass_session
 def jump(session: CommandSession, item: int) -> None:
     """Fly on to ITEM of the mission."""
-    _do(session, "jump", lambda flown: flown.jump_to(item), f"the mission goes on with item {item}")
+    _do(session, "jump", lambda current: current.jump_to(item), f"the mission goes on with item {item}")
 
 
 @mission.command("status", cls=UalCommand, examples=("ual mission status",))

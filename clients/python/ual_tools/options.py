@@ -38,7 +38,7 @@ class Option:
     @property
     def attributes(self) -> dict[str, Any]:
         """Keyword arguments for click."""
-        given = {
+        options = {
             "help": self.help,
             "type": self.type,
             "metavar": self.metavar,
@@ -48,7 +48,7 @@ class Option:
             "show_default": self.default not in (None, "") or None,
         }
         kind = {"is_flag": True} if self.type is None else {}  # with False, click lets the value be left out
-        return {**kind, **{name: value for name, value in given.items() if value is not None}}
+        return {**kind, **{name: value for name, value in options.items() if value is not None}}
 
     def __call__(self, command: F) -> F:
         """Adds it to a command, as a decorator."""

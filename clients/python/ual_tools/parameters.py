@@ -159,10 +159,10 @@ def load(session: CommandSession, file: Path, force: bool) -> None:
     later = [each.name for each in written if each.needs_reboot]
     text = f"{len(written)} of {len(differences)} parameters that differed were written"
     boot = f"; these take effect at the next boot of the autopilot: {', '.join(later)}" if later else ""
-    told = {"done": "param load", "file": str(file), "written": len(written), "differed": len(differences)}
+    result = {"done": "param load", "file": str(file), "written": len(written), "differed": len(differences)}
     others = [{"component": each.component, "count": len(each.names), "names": each.names} for each in in_file.left_out]
     left_out = "".join(f"; left out: {each.text}" for each in in_file.left_out)
-    session.emit({**told, "needs_reboot": later, "left_out": others}, text + boot + left_out)
+    session.emit({**result, "needs_reboot": later, "left_out": others}, text + boot + left_out)
     if len(written) < len(differences):
         raise click.exceptions.Exit(REFUSED_STATUS)
 

@@ -31,7 +31,7 @@ class PlotPoint:
     """Position of the UAV and of its reference at one time; metres, in the frame of the telemetry."""
 
     time_s: float
-    flown: Vector3
+    measured: Vector3
     wanted: Vector3
 
 
@@ -42,18 +42,18 @@ def drawn(uav: Uav, file: Path | None) -> Iterator[None]:
         yield
         return
     _require_drawing(file)
-    places: list[PlotPoint] = []
+    points: list[PlotPoint] = []
 
     def keep(telemetry: Telemetry) -> None:
         if telemetry.pose is not None and telemetry.reference_pose is not None:
-            places.append(PlotPoint(telemetry.stamp_s, telemetry.pose.position, telemetry.reference_pose.position))
+            points.append(PlotPoint(telemetry.stamp_s, telemetry.pose.position, telemetry.reference_pose.position))
 
     try:
         with uav.subscribe(keep):
             yield
     finally:
-        if places:
-            draw(places, file, f"{uav.ns}, {uav.info().autopilot or uav.info().backend}")
+        if points:
+            draw(points, file, f"{uav.ns}, {uav.info().autopilot or uav.info().backend}")
 
 
 def _require_drawing(file: Path) -> None:
@@ -66,7 +66,7 @@ def _require_drawing(file: Path) -> None:
         import matplotlib as mpl  # noqa: F401
 
 
-def draw(places: Sequence[PlotPoint], file: Path, title: str) -> None:
+def draw(points: Sequence[PlotPoint], file: Path, title: str) -> None:
     """Draws the path from above, its height, and its distance from the wanted path."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
@@ -74,12 +74,12 @@ def draw(places: Sequence[PlotPoint], file: Path, title: str) -> None:
     figure = Figure(figsize=(11, 5), layout="constrained")
     FigureCanvasAgg(figure)
     above, height, error = figure.subplot_mosaic([["above", "height"], ["above", "error"]]).values()
-    times = [place.time_s - places[0].time_s for place in places]
-    lines = (("wanted", [p.wanted for p in places], "--"), ("flown", [p.flown for p in places], "-"))
+    times = [point.time_s - points[0].time_s for point in points]
+    lines = (("wanted", [p.wanted for p in points], "--"), ("flown", [p.measured for p in points], "-"))
     for name, line, style in lines:
         above.plot([p.x for p in line], [p.y for p in line], style, label=name)
         height.plot(times, [p.z for p in line], style, label=name)
-    errors = cross_track_m(places)
+    errors = cross_track_m(points)
     error.plot(times, errors)
     above.set(xlabel="x (m)", ylabel="y (m)", aspect="equal", title=title)
     above.legend()
@@ -95,21 +95,21 @@ def draw(places: Sequence[PlotPoint], file: Path, title: str) -> None:
         raise InvalidArgumentError(f"cannot write {file}: {failure.strerror}", {"field": "plot"}) from None
 
 
-def cross_track_m(places: Sequence[PlotPoint]) -> list[float]:
+def cross_track_m(points: Sequence[PlotPoint]) -> list[float]:
     """Returns how far each flown place is from the nearest part of the wanted line, at whatever time that was wanted.
 
     The nearest part moves along the line with time, so it is searched near the one before.
     """
-    wanted = [place.wanted for place in places]
+    wanted = [point.wanted for point in points]
     result, near = [], 0
-    for place in places:
+    for point in points:
         window = range(max(0, near - _WINDOW_SAMPLES_COUNT), min(len(wanted), near + _WINDOW_SAMPLES_COUNT + 1))
-        near = min(window, key=lambda index: (wanted[index] - place.flown).norm())
+        near = min(window, key=lambda index: (wanted[index] - point.measured).norm())
         neighbours = wanted[max(0, near - 1) : near + 2]
         result.append(
             min(
-                (_distance(place.flown, a, b) for a, b in itertools.pairwise(neighbours)),
-                default=(wanted[near] - place.flown).norm(),
+                (_distance(point.measured, a, b) for a, b in itertools.pairwise(neighbours)),
+                default=(wanted[near] - point.measured).norm(),
             )
         )
     return result

@@ -90,11 +90,11 @@ def wait_until(utc_s: float, tell: Callable[[str], None] = _tell_no_one) -> None
     A long wait is reported at its beginning, and each time when half of the rest has passed.
     """
     never = threading.Event()
-    told_s = math.inf
+    shown_s = math.inf
     while (left_s := utc_s - time.time()) > 0.0:
-        if _SHORT_DELAY_S < left_s <= told_s / 2:
+        if _SHORT_DELAY_S < left_s <= shown_s / 2:
             tell(f"begins at {datetime.fromtimestamp(utc_s).astimezone():%H:%M:%S}, in {_duration_text(left_s)}")
-            told_s = left_s
+            shown_s = left_s
         never.wait(min(left_s, 1.0))  # the clock may be set meanwhile
 
 

@@ -173,9 +173,9 @@ def state(session: CommandSession) -> None:
         _state_text(telemetry, is_one=session.member is None),
     )
     is_unknown, reasons = telemetry.state is State.UNINITIALIZED, _reasons(telemetry)
-    told = reasons if is_unknown else reasons[1:]
-    if told and not sys.stdout.isatty():  # there the name stands alone
-        session.tell("; ".join(told))
+    shown = reasons if is_unknown else reasons[1:]
+    if shown and not sys.stdout.isatty():  # there the name stands alone
+        session.tell("; ".join(shown))
     if is_unknown:
         raise click.exceptions.Exit(REFUSED_STATUS)
 
@@ -196,7 +196,7 @@ def _reached(session: CommandSession, states: Sequence[State]) -> tuple[str, Sta
     """Waits for a daemon, and until its UAV is in one of some states. Returns the UAV's name and the state."""
     alone = dataclasses.replace(session, member=None)  # it does not keep others waiting until its daemon is there
     began_s, left_s = time.monotonic(), session.timeout_s
-    never, is_told = threading.Event(), False
+    never, is_shown = threading.Event(), False
     while True:
         try:
             with alone.connect() as uav:
@@ -206,9 +206,9 @@ def _reached(session: CommandSession, states: Sequence[State]) -> tuple[str, Sta
                 left_s = began_s + session.timeout_s - time.monotonic()
                 if left_s <= 0.0:
                     raise
-            if not is_told:
+            if not is_shown:
                 session.tell(f"waits for a daemon: {error.message}")
-                is_told = True
+                is_shown = True
         never.wait(_POLL_PERIOD_S if left_s is None else min(_POLL_PERIOD_S, left_s))
 
 

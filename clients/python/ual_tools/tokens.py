@@ -19,7 +19,7 @@ from ual_tools.tables import print_table
 from ual_tools.values import Number
 
 _ROLES = [role.text for role in Role if role is not Role.NONE]
-_LONGEST_VALIDITY_DAYS = 3650.0
+_VALIDITY_DAYS = 3650.0
 
 _file = click.option(
     "--file",
@@ -41,9 +41,7 @@ def token() -> None:
 @command("new", "ual token new --role pilot --name field-laptop --days 30", section=Section.ACCESS)
 @click.option("--name", required=True, help="Whose it is: by this it appears in logs and in the audit.")
 @click.option("--role", type=click.Choice(_ROLES), required=True, help="What it permits.")
-@click.option(
-    "--days", type=Number(0.0, _LONGEST_VALIDITY_DAYS, min_open=True), help="How long it is valid.  [for ever]"
-)
+@click.option("--days", type=Number(0.0, _VALIDITY_DAYS, min_open=True), help="How long it is valid.  [for ever]")
 @click.option(
     "--output",
     type=click.Path(dir_okay=False, path_type=Path),
@@ -65,7 +63,7 @@ def new(session: CommandSession, name: str, role: str, days: float | None, outpu
         secret, made = tokens.make(name, roles.parse(role), expires, now)
     except ValueError as error:
         raise InvalidArgumentError(str(error)) from None
-    told = {"name": name, "role": role, "expires": None if expires is None else _text(expires)}
+    result = {"name": name, "role": role, "expires": None if expires is None else _text(expires)}
     if output is not None:
         _create(output, secret)  # first: a token that is lost must not be valid
     try:
@@ -75,10 +73,10 @@ def new(session: CommandSession, name: str, role: str, days: float | None, outpu
             output.unlink()  # it is not valid, and would be in the way of the next try
         raise
     if output is None:
-        session.emit({**told, "token": secret}, secret)
+        session.emit({**result, "token": secret}, secret)
     else:
         session.emit_written(
-            {**told, "output": str(output)}, f"{output}: the token of {name}, for you only (mode 0600)"
+            {**result, "output": str(output)}, f"{output}: the token of {name}, for you only (mode 0600)"
         )
 
 

@@ -169,5 +169,5 @@ def _pose(telemetry: Telemetry) -> str:
 
 
 def _position_text(telemetry: Telemetry) -> str:
-    place = positions.position(telemetry)
-    return "" if place is None else f"{vector_text(place)} in map"
+    position = positions.position(telemetry)
+    return "" if position is None else f"{vector_text(position)} in map"

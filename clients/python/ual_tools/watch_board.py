@@ -103,5 +103,5 @@ class Board:
 
     def _is_here(self, ns: str) -> bool:
         # The last sample of a daemon that has ended may come late: its UAV must not come back by it.
-        seen = self._seen.get(ns)
-        return seen is not None and seen.gone_s is None
+        watched = self._seen.get(ns)
+        return watched is not None and watched.gone_s is None

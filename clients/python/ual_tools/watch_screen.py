@@ -102,23 +102,23 @@ def detail(
     from textwrap import wrap
 
     lines = [watch_table.TableRow("ual watch (q quits)"[:width], "bold")]
-    for ns, seen in found.items():
+    for ns, watched in found.items():
         lines.append(watch_table.TableRow(ns[:width], "bold underline"))
-        for name, text, style in _aged_rows(seen, now_s - seen.since_s, lost_after_s):
+        for name, text, style in _aged_rows(watched, now_s - watched.since_s, lost_after_s):
             first, *others = wrap(text, max(8, width - 15)) or [""]
             lines.append(watch_table.TableRow(f"{name:<13}  {first}"[:width], style))
             lines += [watch_table.TableRow(f"{'':<13}  {each}"[:width], style) for each in others]
     return lines
 
 
-def _aged_rows(seen: WatchedUav, age_s: float, lost_after_s: float) -> list[tuple[str, str, str]]:
+def _aged_rows(watched: WatchedUav, age_s: float, lost_after_s: float) -> list[tuple[str, str, str]]:
     """Returns the lines of a UAV, with the age of the sample if it is old."""
-    telemetry = seen.telemetry
+    telemetry = watched.telemetry
     (name, state, style), because, *others = rows(telemetry or Telemetry(State.UNINITIALIZED))
     if telemetry is None:
         others = [(name, "", "") for name, _, _ in others]
-    if seen.why or age_s >= lost_after_s:
-        why = seen.why or ("" if telemetry is None else f"it was {state}")
+    if watched.why or age_s >= lost_after_s:
+        why = watched.why or ("" if telemetry is None else f"it was {state}")
         lost = [(name, f"no telemetry for {age_s:.0f} s", "bold red"), (because[0], why, "red")]
         return lost + [(name, text, "red") for name, text, _ in others]
     if telemetry is None:
@@ -138,7 +138,7 @@ def rows(t: Telemetry) -> list[tuple[str, str, str]]:
         ("because", t.state_reason, "dim"),
         ("mode", f"{t.flight_mode}{', armed' if t.armed else ''}", ""),
         ("pose", "" if t.pose is None else pose_text(t.pose), ""),
-        ("in map", "" if (place := positions.position(t)) is None else vector_text(place), ""),
+        ("in map", "" if (position := positions.position(t)) is None else vector_text(position), ""),
         ("velocity", "" if t.velocity is None else f"{vector_text(t.velocity.linear)} m/s", ""),
         ("reference", "" if t.reference_pose is None else pose_text(t.reference_pose), ""),
         ("task", "" if task is None else running_text(task), ""),

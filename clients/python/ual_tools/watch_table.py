@@ -45,8 +45,8 @@ class _Column:
 
 
 def _position_text(t: Telemetry) -> str:
-    place = positions.position(t)
-    return "" if place is None else " ".join(f"{c:6.1f}" for c in place)
+    position = positions.position(t)
+    return "" if position is None else " ".join(f"{c:6.1f}" for c in position)
 
 
 # Shown in this order. On a narrow screen the last ones are left out.
@@ -82,11 +82,11 @@ def page_size(height: int) -> int:
 
 
 def table(
-    seen: Mapping[str, WatchedUav], *, width: int, height: int, top: int, now_s: float, lost_after_s: float
+    watched: Mapping[str, WatchedUav], *, width: int, height: int, top: int, now_s: float, lost_after_s: float
 ) -> list[TableRow]:
     """Returns the lines of the screen: `height` at most, and each `width` characters at most."""
-    conditions = {ns: condition.uav_condition(each, now_s, lost_after_s) for ns, each in seen.items()}
-    names = condition.worst_first(seen, conditions.__getitem__, str)
+    conditions = {ns: condition.uav_condition(each, now_s, lost_after_s) for ns, each in watched.items()}
+    names = condition.worst_first(watched, conditions.__getitem__, str)
     name_width = min(_MOST_NAME_COLUMNS, max(3, width // 3), max([3, *map(len, names)]))
     columns = _fitting(width - name_width)
     note_width = _note_width(width - name_width, columns)
@@ -98,8 +98,8 @@ def table(
     lines.append(TableRow(_head(columns, name_width, note_width)[:width], "bold underline"))
     for ns in shown:
         name = _clip(ns, name_width).ljust(name_width)
-        rest = _rest(seen[ns], conditions[ns], columns, note_width, width - name_width - len(_GAP))
-        lines.append(TableRow(f"{name}{_GAP}{rest}".rstrip()[:width], _style(seen[ns], conditions[ns])))
+        rest = _rest(watched[ns], conditions[ns], columns, note_width, width - name_width - len(_GAP))
+        lines.append(TableRow(f"{name}{_GAP}{rest}".rstrip()[:width], _style(watched[ns], conditions[ns])))
     return lines[:height]
 
 
@@ -138,9 +138,9 @@ def _head(columns: Sequence[_Column], name_width: int, note_width: int) -> str:
     return _GAP.join(["uav".ljust(name_width), *titles, *note])
 
 
-def _rest(seen: WatchedUav, how: UavCondition, columns: Sequence[_Column], note_width: int, width: int) -> str:
+def _rest(watched: WatchedUav, how: UavCondition, columns: Sequence[_Column], note_width: int, width: int) -> str:
     """Returns what stands behind the name."""
-    telemetry = seen.telemetry
+    telemetry = watched.telemetry
     if telemetry is None or how.state == "LOST":
         return _clip(how.text, width)
     note = how.note or _note(telemetry)
@@ -151,10 +151,10 @@ def _rest(seen: WatchedUav, how: UavCondition, columns: Sequence[_Column], note_
     return _GAP.join([*cells, *([_clip(note, note_width)] if note_width else [])])
 
 
-def _style(seen: WatchedUav, how: UavCondition) -> str:
-    if how.level is not Urgency.FINE or seen.telemetry is None:
+def _style(watched: WatchedUav, how: UavCondition) -> str:
+    if how.level is not Urgency.FINE or watched.telemetry is None:
         return STYLES[how.level]
-    return STATE_STYLES.get(seen.telemetry.state, "")
+    return STATE_STYLES.get(watched.telemetry.state, "")
 
 
 def _note(t: Telemetry) -> str:

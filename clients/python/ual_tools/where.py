@@ -61,8 +61,8 @@ def _height(z_m: float | None) -> str:
     return "any height" if z_m is None else f"z = {z_m:.2f} m"
 
 
-def _flat(place: Vector3) -> str:
-    return f"{place.x:.2f} {place.y:.2f}"
+def _flat(position: Vector3) -> str:
+    return f"{position.x:.2f} {position.y:.2f}"
 
 
 COMMANDS = (geofence, route)

@@ -64,7 +64,7 @@ class AirsimCamera(CameraDriver):
         settings: NamedCamera,
         fetch: Callable[[str, ImageKind], Future[Fetched]],
         trail: Trail,
-        place: Callable[[], LocalFrameOrigin],
+        origin: Callable[[], LocalFrameOrigin],
         trouble: Callable[[], str],
     ) -> None:
         self.is_busy = False
@@ -75,7 +75,7 @@ class AirsimCamera(CameraDriver):
         self._number = number
         self._fetch = fetch
         self._trail = trail
-        self._place = place
+        self._origin = origin
         self._trouble = trouble
         self._lock = threading.Lock()
         self._photos: PhotoLog[TakenPhoto] = PhotoLog()
@@ -196,27 +196,27 @@ class AirsimCamera(CameraDriver):
         error = self._why_not()
         if error is not None or self.settings is None:
             return futures.failed(error or LinkLostError(f"camera {self._number} is not heard"))
-        settings, place = self.settings, self._place()
-        return then(self._fetch(settings.name, kind), lambda found: self._read(settings, place, kind, found))
+        settings, origin = self.settings, self._origin()
+        return then(self._fetch(settings.name, kind), lambda found: self._read(settings, origin, kind, found))
 
-    def _read(self, settings: NamedCamera, place: LocalFrameOrigin, kind: ImageKind, found: Fetched) -> EncodedImage:
+    def _read(self, settings: NamedCamera, origin: LocalFrameOrigin, kind: ImageKind, found: Fetched) -> EncodedImage:
         picture = found.picture
         size = picture.width, picture.height
         intrinsics = intrinsics_of(settings, kind, *size, found.tangent)
         if kind is ImageKind.COLOUR:
             self._intrinsics = intrinsics
-        viewpoint = self._viewpoint(place, picture.stamp_s, picture.camera)
+        viewpoint = self._viewpoint(origin, picture.stamp_s, picture.camera)
         return EncodedImage(found.data, found.format, *size, picture.stamp_s, intrinsics, viewpoint, kind)
 
-    def _viewpoint(self, place: LocalFrameOrigin, stamp_s: float, camera: Pose) -> Viewpoint:
+    def _viewpoint(self, origin: LocalFrameOrigin, stamp_s: float, camera: Pose) -> Viewpoint:
         """Returns from where a picture was taken. The camera is where the simulator says; it may be on a gimbal."""
         body = self._trail.at(stamp_s)
         if body is None or not any(camera.orientation):
-            return Viewpoint(boots_count=place.boots_count)
-        geo = None if place.projection is None else place.projection.to_geo(body.position)
+            return Viewpoint(boots_count=origin.boots_count)
+        geo = None if origin.projection is None else origin.projection.to_geo(body.position)
         turn = body.orientation.inverse()
         in_body = Pose(turn.rotate(camera.position - body.position), turn * camera.orientation)
-        return Viewpoint(body, place.boots_count, in_body, geo)
+        return Viewpoint(body, origin.boots_count, in_body, geo)
 
     def _keep(self, image: EncodedImage) -> TakenPhoto:
         def make(number: int) -> TakenPhoto:
@@ -272,10 +272,10 @@ class AirsimCameras(CameraDrivers):
     """The cameras of one vehicle. One that was found keeps its number."""
 
     def __init__(
-        self, fetcher: PictureFetcher, place: Callable[[], LocalFrameOrigin], trouble: Callable[[], str]
+        self, fetcher: PictureFetcher, origin: Callable[[], LocalFrameOrigin], trouble: Callable[[], str]
     ) -> None:
         self._fetcher = fetcher
-        self._place = place
+        self._origin = origin
         self._trouble = trouble
         self._trail = Trail()
         self._cameras: tuple[AirsimCamera, ...] = ()
@@ -309,4 +309,4 @@ class AirsimCameras(CameraDrivers):
 
     def _made(self, settings: NamedCamera) -> AirsimCamera:
         number = len(self._cameras)
-        return AirsimCamera(number, settings, self._fetcher.fetch, self._trail, self._place, self._trouble)
+        return AirsimCamera(number, settings, self._fetcher.fetch, self._trail, self._origin, self._trouble)

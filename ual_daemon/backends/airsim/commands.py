@@ -53,7 +53,7 @@ class AirsimCommandQueue:
     def __init__(self, address: AirsimAddress, thread_name: str) -> None:
         self._address = address
         self._queue: queue.SimpleQueue[tuple[Action, Future[None]] | None] = queue.SimpleQueue()
-        self._given = futures.OpenFutures()
+        self._open = futures.OpenFutures()
         self._lock = threading.Lock()
         self._unfinished_count = 0
         self._connection: RpcConnection | None = None
@@ -75,7 +75,7 @@ class AirsimCommandQueue:
         The future ends with None, with a RejectedByAutopilotError, or with a LinkLostError where an answer is lost.
         Cancelling it withdraws the command, also between two of its calls.
         """
-        return self._given.give("command the simulator", lambda answer: self._add(action, answer))
+        return self._open.give("command the simulator", lambda answer: self._add(action, answer))
 
     def _add(self, action: Action, answer: Future[None]) -> None:
         self._count(1)
@@ -90,7 +90,7 @@ class AirsimCommandQueue:
             return
         if self._thread.is_alive():
             self._thread.join()
-        self._given.close()
+        self._open.close()
 
     def _run(self) -> None:
         while (submitted := self._queue.get()) is not None and not self._is_closed:
@@ -99,7 +99,7 @@ class AirsimCommandQueue:
             self._count(-1)
             futures.end(answer, error)
         self.disconnect()
-        self._given.close()
+        self._open.close()
 
     def _execute(self, action: Action, answer: Future[None]) -> Exception | None:
         """Returns why a command was not done; None if it was."""

@@ -83,7 +83,7 @@ class SimulatorLink:
         self._polls_count = 0
         self._polls_per_collision = max(1, round(_COLLISION_S * rate_hz))
         self._collision = Collision()
-        self._asked_s = 0.0
+        self._requested_s = 0.0
         self._is_old = False
         self._was_refused, self._was_connected = False, False
         self.simulator: Simulator | None = None
@@ -157,7 +157,7 @@ class SimulatorLink:
             if len(self._answers) == len(self._questions):
                 return self._end_poll()
             self._ask(connection)
-        if self._wall_s() - self._asked_s > _ANSWER_TIMEOUT_S:
+        if self._wall_s() - self._requested_s > _ANSWER_TIMEOUT_S:
             raise TimeoutError(f"the simulator has not answered for {_ANSWER_TIMEOUT_S:g} s")
         return None
 
@@ -170,7 +170,7 @@ class SimulatorLink:
     def _ask(self, connection: RpcConnection) -> None:
         assert self.simulator is not None
         method = self._questions[len(self._answers)][1]
-        self._number, self._asked_s = connection.request(method, self.simulator.vehicle), self._wall_s()
+        self._number, self._requested_s = connection.request(method, self.simulator.vehicle), self._wall_s()
 
     def _end_poll(self) -> AirsimReport | None:
         if len(self._answers) > len(_QUESTIONS):

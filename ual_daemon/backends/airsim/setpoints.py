@@ -13,7 +13,7 @@ from ual_daemon.backends.airsim.settings import AirsimAddress
 from ual_daemon.backends.airsim.state import AirsimReport
 from ual_daemon.backends.values import PositionSetpoint, Setpoint, VelocitySetpoint
 
-VELOCITY_DURATION_S = 0.5
+VELOCITY_S = 0.5
 """Simulated seconds for which a velocity is flown, unless a newer one comes."""
 _MOST_UNANSWERED_CALLS = 1
 """A call lasts until the next one replaces it, which waits for that. Of two that wait, the simulator forgets to end the
@@ -33,18 +33,16 @@ _CLIMB_LEAD, _MOST_CLIMB_LEAD_M_S = 1.2, 2.0
 """Vertically it follows in 0.3 s by itself, but rises by 0.6 m when it levels out after it has accelerated."""
 
 
-def led(setpoint: VelocitySetpoint, flown: Vector3) -> VelocitySetpoint:
+def led(setpoint: VelocitySetpoint, measured: Vector3) -> VelocitySetpoint:
     """Returns the velocity to send so that the vehicle soon flies the one that is wanted."""
-    missing = setpoint.velocity - flown
+    missing = setpoint.velocity - measured
     lead = min(_LEAD, _MOST_LEAD_M_S / max(missing.horizontal_norm(), 1e-9))
     up = min(max(missing.z * _CLIMB_LEAD, -_MOST_CLIMB_LEAD_M_S), _MOST_CLIMB_LEAD_M_S)
     wanted = setpoint.velocity + Vector3(missing.x * lead, missing.y * lead, up)
     return replace(setpoint, velocity=wanted)
 
 
-def move_arguments(
-    setpoint: VelocitySetpoint, vehicle: str, duration_s: float = VELOCITY_DURATION_S
-) -> tuple[object, ...]:
+def move_arguments(setpoint: VelocitySetpoint, vehicle: str, duration_s: float = VELOCITY_S) -> tuple[object, ...]:
     """Returns the arguments of ``moveByVelocity``: north, east, down, and degrees clockwise a second.
 
     A call of no duration waits until the one that is flown has ended, and flies nothing.

@@ -20,7 +20,7 @@ from ual_daemon.backends.airsim.rpc import RpcCaller
 from ual_daemon.backends.airsim.session import AirsimSession
 from ual_daemon.backends.airsim.state import AirsimReport
 
-_ACTION_TIMEOUT_S = 10.0
+_ACTION_S = 10.0
 _POLL_PERIOD_S = 0.02
 _ARRIVAL_DISTANCE_M = 0.5
 _PARTS = frozenset({SimulationPart.PILOT, SimulationPart.TIME, SimulationPart.WIND, SimulationPart.PLACE})
@@ -91,9 +91,7 @@ class AirsimSimulation(Simulation):
         self._do(lambda connection: paused.append(self._procedures.is_paused(connection)))
         if not paused[0]:
             raise WrongStateError("simulated time runs by itself: set the speed factor 0 before")
-        self._do(
-            lambda connection: self._procedures.step(connection, duration_s), _ACTION_TIMEOUT_S + 20.0 * duration_s
-        )
+        self._do(lambda connection: self._procedures.step(connection, duration_s), _ACTION_S + 20.0 * duration_s)
 
     @override
     def set_wind(self, velocity_m_s: Vector3) -> None:
@@ -103,14 +101,14 @@ class AirsimSimulation(Simulation):
 
     @override
     def place_on_ground(self, position: Vector3, yaw_rad: float = 0.0) -> None:
-        place = validation.position(position, "position")
+        wanted = validation.position(position, "position")
         yaw_rad = validation.heading(yaw_rad, "yaw_rad")
 
         def put(connection: RpcCaller) -> None:
-            self._procedures.put_on_ground(connection, place, yaw_rad)
+            self._procedures.put_on_ground(connection, wanted, yaw_rad)
 
         def is_there(report: AirsimReport) -> bool:
-            is_near = (report.pose.position - place).horizontal_norm() < _ARRIVAL_DISTANCE_M
+            is_near = (report.pose.position - wanted).horizontal_norm() < _ARRIVAL_DISTANCE_M
             return is_near and not report.is_armed and self._session.is_on_ground
 
         with self._session.without_setpoints():  # a velocity that holds where it was would start the motors again
@@ -121,7 +119,7 @@ class AirsimSimulation(Simulation):
         if not self._session.is_on_ground:
             raise RejectedByAutopilotError(f"the safety pilot does not {what} a vehicle that is not on the ground")
 
-    def _do(self, action: Action, patience_s: float = _ACTION_TIMEOUT_S) -> None:
+    def _do(self, action: Action, patience_s: float = _ACTION_S) -> None:
         """Executes a command, and waits for its end.
 
         Raises:
@@ -134,8 +132,8 @@ class AirsimSimulation(Simulation):
             raise LinkLostError("the simulator does not answer") from None
 
     def _wait(self, condition: Callable[[AirsimReport], bool], what: str) -> None:
-        deadline_s = time.monotonic() + _ACTION_TIMEOUT_S
+        deadline_s = time.monotonic() + _ACTION_S
         while (report := self._session.report) is None or not condition(report):
             if time.monotonic() > deadline_s:
-                raise LinkLostError(f"the vehicle was not {what} within {_ACTION_TIMEOUT_S:g} s")
+                raise LinkLostError(f"the vehicle was not {what} within {_ACTION_S:g} s")
             time.sleep(_POLL_PERIOD_S)

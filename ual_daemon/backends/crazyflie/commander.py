@@ -29,7 +29,7 @@ HOVERS_AFTER_S = 0.5
 """Seconds at one position after which a Crazyflie hovers by itself."""
 HANDOVER_TIMEOUT_S = 0.25
 """Seconds without an answer after which setpoints go on: after 0.5 s without them the firmware levels out."""
-LATE_HANDOVER_TIMEOUT_S = 0.1
+LATE_HANDOVER_S = 0.1
 """The same where setpoints have been missing for `SETPOINT_SILENCE_S` before."""
 KEEP_S, KEEP_EACH_S = 0.1, 0.02
 """Seconds for which setpoints keep it where it is before the high-level commander is asked again, and their
@@ -86,8 +86,8 @@ class _Handover:
     """Gets the refusal, or nothing once it was accepted."""
     patience_s: float = HANDOVER_TIMEOUT_S
     is_taken_back: bool = False
-    asked_s: float | None = None
-    asked_count: int = 0
+    requested_s: float | None = None
+    requests_count: int = 0
     keep_s: float | None = None
     """Time at which the next setpoint that keeps it in the air is due; None while an answer may come."""
 
@@ -216,9 +216,7 @@ class Commander:
             elif self._is_silent(now_s):
                 self._last = None
                 self._replace(
-                    _Handover(
-                        Phase.HOVERING, self.encoder.stop(*flying), rest(*flying), patience_s=LATE_HANDOVER_TIMEOUT_S
-                    )
+                    _Handover(Phase.HOVERING, self.encoder.stop(*flying), rest(*flying), patience_s=LATE_HANDOVER_S)
                 )
             if is_on_ground and self._handover is None and self._phase is not Phase.SETPOINTS:
                 self._forget()
@@ -257,13 +255,13 @@ class Commander:
         handover = self._handover
         if handover is None or handover.stays is None or self._phase is not Phase.SETPOINTS:
             return []
-        if handover.asked_s is None or now_s - handover.asked_s <= handover.patience_s:
+        if handover.requested_s is None or now_s - handover.requested_s <= handover.patience_s:
             return []
         if handover.keep_s is None:  # an answer would be to a goal that the setpoint ends
             self._replaced.append(handover.request)
             handover.keep_s = now_s
-        if now_s - handover.asked_s > handover.patience_s + KEEP_S:
-            handover.asked_s = handover.keep_s = None
+        if now_s - handover.requested_s > handover.patience_s + KEEP_S:
+            handover.requested_s = handover.keep_s = None
             return []
         if now_s < handover.keep_s:
             return []
@@ -276,10 +274,10 @@ class Commander:
         A setpoint that is being sent leaves first: it would end the flight of the high-level commander.
         """
         handover = self._handover
-        if handover is None or handover.asked_s is not None or self._sending_count:
+        if handover is None or handover.requested_s is not None or self._sending_count:
             return None
-        handover.asked_s = now_s
-        handover.asked_count += 1
+        handover.requested_s = now_s
+        handover.requests_count += 1
         packet = handover.request.packet
         if handover.phase is Phase.LANDING:  # not to be taken for the answer to an earlier one
             self._landings_count += 1
@@ -291,7 +289,7 @@ class Commander:
         """Notes that requests which were on their way are forgotten."""
         handover = self._handover
         if handover is not None:
-            handover.asked_s = None
+            handover.requested_s = None
 
     def on_reboot(self) -> None:
         """Notes that the firmware has booted: nobody flies."""
@@ -309,11 +307,11 @@ class Commander:
         if handover is None:
             return
         is_hover = handover.phase is Phase.HOVERING
-        asked_s = handover.asked_s if handover.stays is None else None
-        is_late = asked_s is not None and now_s - asked_s > handover.patience_s
+        requested_s = handover.requested_s if handover.stays is None else None
+        is_late = requested_s is not None and now_s - requested_s > handover.patience_s
         if not is_late and not handover.is_taken_back:
             return
-        if is_hover or handover.asked_s is None:
+        if is_hover or handover.requested_s is None:
             self._replace(None)
             self._still_since_s = now_s if is_hover else math.inf
         else:
@@ -333,9 +331,9 @@ class Commander:
         )
 
     def _begin_hover(self) -> None:
-        place = self._last
-        assert isinstance(place, PositionSetpoint)
-        self._replace(_Handover(Phase.HOVERING, self.encoder.stay(place.position, place.yaw_rad)))
+        last = self._last
+        assert isinstance(last, PositionSetpoint)
+        self._replace(_Handover(Phase.HOVERING, self.encoder.stay(last.position, last.yaw_rad)))
 
     def _ask(self, handover: _Handover, requests: CrtpRequests, now_s: float) -> None:
         def on_answer(data: bytes) -> None:
@@ -356,7 +354,7 @@ class Commander:
             if is_fine:
                 self._untold_count = len(NOTIFICATIONS)
                 # The answer may be a late one, to a goal that a setpoint has ended.
-                self._again = handover.request.packet if handover.asked_count > 1 else None
+                self._again = handover.request.packet if handover.requests_count > 1 else None
                 self._phase = handover.phase
                 self._notify_s = [now_s + delay_s for delay_s in NOTIFICATIONS]
             else:

@@ -15,15 +15,15 @@ LANDING_DEPTH_M = 1.5
 class KnownGround(NamedTuple):
     """Known ground, in the local frame. Any thread may read it."""
 
-    place: Vector3 | None = None
+    position: Vector3 | None = None
     """Position at which it last stood, in this boot; None: not known."""
     z_m: float = 0.0
     """Height of the ground where it stood; 0 if that was not measured: it was switched on there."""
 
     @classmethod
-    def standing_at(cls, place: Vector3) -> KnownGround:
+    def standing_at(cls, position: Vector3) -> KnownGround:
         """Returns the ground of a Crazyflie that stands at a place."""
-        return cls(place, place.z)
+        return cls(position, position.z)
 
     def jumped(self, offset: Vector3) -> KnownGround:
         """Returns the ground after a jump of the estimate by an offset.
@@ -35,5 +35,5 @@ class KnownGround(NamedTuple):
 
     def landing_z_m(self, here: Vector3) -> float:
         """Returns the height to land at: where it stood, or deeper where it is not known how low the ground is."""
-        is_known = self.place is not None and (here - self.place).horizontal_norm() <= KNOWN_GROUND_RADIUS_M
+        is_known = self.position is not None and (here - self.position).horizontal_norm() <= KNOWN_GROUND_RADIUS_M
         return self.z_m - (0.0 if is_known else LANDING_DEPTH_M)

@@ -134,14 +134,14 @@ class _ParameterReading:
         self._requests = requests
         self._variables = variables
         self._next = 0
-        self._asked: dict[int, CrtpRequest] = {}
+        self._pending: dict[int, CrtpRequest] = {}
         self._found: dict[int, Parameter] = {}
         self._end_s: float | None = None
 
     def tick(self, now_s: float) -> None:
         if self._end_s is None:
             self._end_s = now_s + LIMIT_S + EACH_S * len(self._variables)
-        while self._next < len(self._variables) and len(self._asked) < REQUESTS_AT_ONCE:
+        while self._next < len(self._variables) and len(self._pending) < REQUESTS_AT_ONCE:
             self._ask(self._next)
             self._next += 1
         if len(self._found) == len(self._variables):
@@ -152,23 +152,23 @@ class _ParameterReading:
             futures.fail(self.future, UalTimeoutError(text, {"missing": str(missing)}))
 
     def withdraw(self) -> None:
-        for each in self._asked.values():
+        for each in self._pending.values():
             self._requests.withdraw(each)
-        self._asked.clear()
+        self._pending.clear()
 
-    def _ask(self, place: int) -> None:
-        name, variable = self._variables[place]
-        request = self._asked[place] = ask_read(variable)
+    def _ask(self, index: int) -> None:
+        name, variable = self._variables[index]
+        request = self._pending[index] = ask_read(variable)
 
         def on_answer(data: bytes) -> None:
-            del self._asked[place]
+            del self._pending[index]
             value = value_of(variable, data)
             if value is None:
                 futures.fail(
                     self.future, RejectedByAutopilotError(f"the firmware does not give {name}", {"name": name})
                 )
             else:
-                self._found[place] = Parameter(name, value, TYPES[variable.format])
+                self._found[index] = Parameter(name, value, TYPES[variable.format])
 
         self._requests.add(request, on_answer)
 
@@ -191,7 +191,7 @@ class _Writing:
         self._variable = variable
         self._refusal = refusal
         self._on_written = on_written
-        self._asked: CrtpRequest | None = None
+        self._pending: CrtpRequest | None = None
         self._is_written = False
         self._end_s: float | None = None
 
@@ -200,25 +200,25 @@ class _Writing:
             futures.fail(self.future, error)
         elif self._end_s is None:
             self._end_s = now_s + LIMIT_S
-            self._asked = ask_write(self._variable, self._wanted.value)
-            self._requests.add(self._asked, self._on_confirmed)
+            self._pending = ask_write(self._variable, self._wanted.value)
+            self._requests.add(self._pending, self._on_confirmed)
         elif now_s > self._end_s:
             name = self._wanted.name
             text = f"the Crazyflie has not answered: it is not known whether {name} was written"
             futures.fail(self.future, UalTimeoutError(text, {"name": name}))
 
     def withdraw(self) -> None:
-        if self._asked is not None:
-            self._requests.withdraw(self._asked)
-            self._asked = None
+        if self._pending is not None:
+            self._requests.withdraw(self._pending)
+            self._pending = None
 
     def _on_confirmed(self, _: bytes) -> None:
         self._is_written = True
-        self._asked = ask_read(self._variable)
-        self._requests.add(self._asked, self._on_value)
+        self._pending = ask_read(self._variable)
+        self._requests.add(self._pending, self._on_value)
 
     def _on_value(self, data: bytes) -> None:
-        self._asked = None
+        self._pending = None
         name, value = self._wanted.name, value_of(self._variable, data)
         found = None if value is None else Parameter(name, value, self._wanted.type)
         if found is not None:

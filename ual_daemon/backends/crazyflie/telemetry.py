@@ -224,7 +224,7 @@ class CrazyflieTelemetry:
         """Returns all values as of now. `connecting` says, human-readable, what is missing of the connection."""
         info = self.info
         found = troubles(self.supervisor, self.power_state)
-        is_heard = self.heard_s is not None and now_s - self.heard_s <= RECENT_CONTACT_S
+        is_in_contact = self.heard_s is not None and now_s - self.heard_s <= RECENT_CONTACT_S
         return Snapshot(
             time_s=now_s,
             heard_s=self.heard_s,
@@ -249,7 +249,7 @@ class CrazyflieTelemetry:
             link=LinkState(
                 boots_count=self.boots_count,
                 boots_in_frame_count=self.boots_in_frame_count,
-                conflict=connecting if is_heard else "",
+                conflict=connecting if is_in_contact else "",
             ),
         )
 

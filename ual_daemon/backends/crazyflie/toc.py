@@ -121,8 +121,8 @@ def _is_sound(port: int, variable: Variable) -> bool:
 
 
 def _default_directory() -> Path | None:
-    given = os.environ.get("CACHE_DIRECTORY") or os.environ.get("XDG_CACHE_HOME")  # the former is systemd's
+    configured = os.environ.get("CACHE_DIRECTORY") or os.environ.get("XDG_CACHE_HOME")  # the former is systemd's
     try:
-        return (Path(given) if given else Path.home() / ".cache") / "ual" / "crazyflie"
+        return (Path(configured) if configured else Path.home() / ".cache") / "ual" / "crazyflie"
     except RuntimeError:  # no HOME, and no such user
         return None

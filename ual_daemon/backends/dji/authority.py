@@ -112,12 +112,12 @@ class Holding:
 
     def __init__(self) -> None:
         self.is_held = self.is_granted = False
-        self.asked_s = 0.0
-        self._was_seen = False
+        self.requested_s = 0.0
+        self._was_shown = False
 
     def ask(self, now_s: float) -> None:
         """Notes that it is requested. Without an answer it counts as obtained."""
-        self.is_held, self.is_granted, self._was_seen, self.asked_s = True, False, False, now_s
+        self.is_held, self.is_granted, self._was_shown, self.requested_s = True, False, False, now_s
 
     def drop(self) -> None:
         """Notes that it is not ours: refused, released or lost."""
@@ -126,8 +126,8 @@ class Holding:
     def observe(self, now_s: float, *, is_ours: bool) -> None:
         """Takes the present holder. What was said before the request may come a little after it."""
         if is_ours:
-            self._was_seen = True
-        elif self._was_seen or now_s - self.asked_s > _AUTHORITY_NEWS_S:
+            self._was_shown = True
+        elif self._was_shown or now_s - self.requested_s > _AUTHORITY_NEWS_S:
             self.drop()
 
 

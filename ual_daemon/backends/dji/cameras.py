@@ -39,10 +39,10 @@ _log = logging.getLogger(__name__)
 
 POSITIONS = (1, 2, 3)
 """`E_DjiMountPosition`: the ports of payloads."""
-LOOK_S, LOOK_AGAIN_S = 1.0, 30.0
+EARLY_CHECK_S, SLOW_CHECK_S = 1.0, 30.0
 """Seconds between two looks at an empty port: at first, and once there is a camera, or none was found for a while."""
 EARLY_CHECKS_COUNT = 20
-CAMERA_CHECK_PERIOD_S = 5.0
+KNOWN_CHECK_S = 5.0
 """Seconds between two checks that a camera is still there."""
 CALL_TIMEOUT_S = 5.0
 INTERVAL_CALL_TIMEOUT_S = 8.0
@@ -144,10 +144,10 @@ class DjiCamera(CameraDriver):
             return futures.failed(_invalid("interval_s", f"{interval_s:g}: DJI takes whole seconds"))
         if count > MOST_COUNT:
             return futures.failed(_invalid("count", f"{count}: DJI takes at most {MOST_COUNT}, or 0 for no end"))
-        under_way = self._by_distance
+        running = self._by_distance
         order = {"num_photos_to_capture": count or FOREVER, "time_interval": int(interval_s)}
         begun = self._call("shoot_interval_photo", order, INTERVAL_CALL_TIMEOUT_S, _MAYBE_DONE)
-        begun.add_done_callback(lambda ended: self._end_distance(under_way, ended))
+        begun.add_done_callback(lambda ended: self._end_distance(running, ended))
         return then(begun, lambda _: self._note_interval(interval_s, count))
 
     @override
@@ -208,10 +208,10 @@ class DjiCamera(CameraDriver):
     def _taken(self, photo: int) -> TakenPhoto:
         return TakenPhoto(photo, self._around.utc_s(), self._around.look())
 
-    def _end_distance(self, under_way: tuple[float, DistanceTrigger] | None, ordered: Future[Message]) -> None:
+    def _end_distance(self, running: tuple[float, DistanceTrigger] | None, ordered: Future[Message]) -> None:
         """Ends pictures by distance once those by time are taken, or may be."""
         with self._lock:
-            if self._by_distance is under_way and futures.may_be_done(ordered):
+            if self._by_distance is running and futures.may_be_done(ordered):
                 self._by_distance = None
 
     def _note_interval(self, interval_s: float, count: int) -> None:
@@ -236,11 +236,11 @@ class DjiCamera(CameraDriver):
             zoom_percent=_percent(zoomed),
         )
 
-    def _storage(self, told: Message) -> CameraStorage:
+    def _storage(self, message: Message) -> CameraStorage:
         """Returns what is told of the card, in MiB. What cannot be so is left out, and noted."""
-        if not told:
+        if not message:
             return CameraStorage()
-        total_mib, free_mib = number(told["total_capacity"]), number(told["remain_capacity"])
+        total_mib, free_mib = number(message["total_capacity"]), number(message["remain_capacity"])
         if free_mib > total_mib:
             self._note = f"it says that {free_mib:g} of {total_mib:g} MiB are free, which is not told on"
             return CameraStorage(total_mib=total_mib)
@@ -278,11 +278,11 @@ class DjiCameras(CameraDrivers):
     def __init__(self, around: Surroundings) -> None:
         self._around = around
         self._cameras: tuple[DjiCamera, ...] = ()
-        self._asked: Future[Message] | None = None
+        self._answer: Future[Message] | None = None
         self._next_s = dict.fromkeys(POSITIONS, -math.inf)
         self._due_s = -math.inf
         """Time at which the next port is due."""
-        self._looks_count = 0
+        self._checks_count = 0
 
     @override
     def all(self) -> Sequence[DjiCamera]:
@@ -292,7 +292,7 @@ class DjiCameras(CameraDrivers):
         """Looks at one port that is due. One call is in progress at a time."""
         if now_s < self._due_s:
             return
-        is_asking = self._asked is not None and not self._asked.done()
+        is_asking = self._answer is not None and not self._answer.done()
         if is_asking or self._around.trouble() or self._around.silence():
             return
         due = [position for position in POSITIONS if now_s >= self._next_s[position]]
@@ -307,12 +307,12 @@ class DjiCameras(CameraDrivers):
                 each.step(position)
 
     def _ask(self, position: int, now_s: float) -> None:
-        self._looks_count += 1
+        self._checks_count += 1
         is_known = any(each.position == position for each in self._cameras)
-        is_early = self._looks_count <= EARLY_CHECKS_COUNT and not self._cameras
-        self._next_s[position] = now_s + (CAMERA_CHECK_PERIOD_S if is_known else LOOK_S if is_early else LOOK_AGAIN_S)
-        self._asked = asked = self._around.call(service_of("get_type"), {"payload_index": position}, CALL_TIMEOUT_S)
-        asked.add_done_callback(lambda answer: self._on_type(position, answer))
+        is_early = self._checks_count <= EARLY_CHECKS_COUNT and not self._cameras
+        self._next_s[position] = now_s + (KNOWN_CHECK_S if is_known else EARLY_CHECK_S if is_early else SLOW_CHECK_S)
+        self._answer = reply = self._around.call(service_of("get_type"), {"payload_index": position}, CALL_TIMEOUT_S)
+        reply.add_done_callback(lambda answer: self._on_type(position, answer))
 
     def _on_type(self, position: int, answer: Future[Message]) -> None:
         if answer.cancelled() or isinstance(answer.exception(), ServiceTimeoutError):
@@ -348,10 +348,10 @@ def _unless_refused(error: BaseException) -> Future[Message]:
     raise error
 
 
-def _percent(told: Message) -> float | None:
-    if not told:
+def _percent(message: Message) -> float | None:
+    if not message:
         return None
-    most, factor = number(told["max_zoom_factor"]), number(told["zoom_factor"])
+    most, factor = number(message["max_zoom_factor"]), number(message["zoom_factor"])
     return min(max(100.0 * (factor - 1.0) / (most - 1.0), 0.0), 100.0) if most > 1.0 else None
 
 

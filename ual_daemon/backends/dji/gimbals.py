@@ -33,7 +33,7 @@ ABSOLUTE, PITCH_AND_YAW = 1, 1
 """`E_DjiGimbalRotationMode` and `E_DjiGimbalResetMode`."""
 TURN_S, AIM_S = 0.5, 0.1
 """Seconds that a turn may take: of an order, and of angles that are sent often."""
-ANGLES_SILENCE_S = 3.0
+ANGLES_S = 3.0
 """Seconds without reported angles after which a gimbal counts as not connected. The wrapper tells them once a second at
 least.
 """
@@ -113,7 +113,7 @@ class DjiGimbal(FindableGimbal):
         self._publish = publish
         self._heading_rad = heading_rad
         self._lock = threading.Lock()
-        self._told: _ReportedAngles | None = None
+        self._reported: _ReportedAngles | None = None
         self._is_mounted: bool | None = None
         """None while its status was not reported."""
         self._first_s: float | None = None
@@ -128,18 +128,16 @@ class DjiGimbal(FindableGimbal):
     @override
     def is_found(self) -> bool:
         """Whether it has ever told its angles."""
-        return self._told is not None
+        return self._reported is not None
 
     def on_angles(self, message: Message, now_s: float) -> None:
         """Takes roll, pitch (down) from the horizon and yaw from east, in radians."""
         roll, pitch, yaw = (number(message["vector"][axis]) for axis in "xyz")
         if self._first_s is None:
             self._first_s = now_s
-        is_known = (
-            self.is_found or self._is_mounted or (self._is_mounted is None and now_s - self._first_s > ANGLES_SILENCE_S)
-        )
+        is_known = self.is_found or self._is_mounted or (self._is_mounted is None and now_s - self._first_s > ANGLES_S)
         if is_known and all(map(math.isfinite, (roll, pitch, yaw))):
-            self._told = _ReportedAngles(Quaternion.from_euler(roll, pitch, yaw), now_s)
+            self._reported = _ReportedAngles(Quaternion.from_euler(roll, pitch, yaw), now_s)
             self._note_others(pitch, yaw, now_s)
 
     def on_status(self, message: Message, _: float) -> None:
@@ -173,10 +171,10 @@ class DjiGimbal(FindableGimbal):
 
     @override
     def attitude(self) -> GimbalAttitude | None:
-        told = self._told
-        if told is None or self._why_not() is not None:
+        reported = self._reported
+        if reported is None or self._why_not() is not None:
             return None
-        return GimbalAttitude(told.orientation, GimbalReference.EARTH, told.time_s)
+        return GimbalAttitude(reported.orientation, GimbalReference.EARTH, reported.time_s)
 
     @override
     def control(self) -> tuple[GimbalControl | None, str]:
@@ -271,9 +269,9 @@ class DjiGimbal(FindableGimbal):
 
     def _why_not(self) -> LinkLostError | None:
         trouble = self._around.trouble() or ("it is not mounted" if self._is_mounted is False else "")
-        told = self._told
-        if not trouble and (told is None or self._around.now_s() - told.time_s > ANGLES_SILENCE_S):
-            trouble = f"it has not told its angles for {ANGLES_SILENCE_S:g} s"
+        reported = self._reported
+        if not trouble and (reported is None or self._around.now_s() - reported.time_s > ANGLES_S):
+            trouble = f"it has not told its angles for {ANGLES_S:g} s"
         return LinkLostError(f"gimbal 0 is not heard: {trouble}") if trouble else None
 
     def _why_silent(self) -> LinkLostError | None:

@@ -33,8 +33,8 @@ class DjiLocalFrame:
         if self.projection is None:
             if not is_good:
                 return None
-            place = (latitude_deg, longitude_deg) if rtk is None else (rtk.x, rtk.y)
-            self.projection = EllipsoidProjection(*place, altitude_m)
+            latitude_longitude = (latitude_deg, longitude_deg) if rtk is None else (rtk.x, rtk.y)
+            self.projection = EllipsoidProjection(*latitude_longitude, altitude_m)
         own = self.projection.to_local(latitude_deg, longitude_deg, altitude_m)
         if rtk is not None:
             better = self.projection.to_local(rtk.x, rtk.y, altitude_m)

@@ -6,7 +6,7 @@ import math
 
 from ual.geometry import Vector3
 
-_OBSTACLE_DISTANCE_M = 8.0
+_OBSTACLE_M = 8.0
 _LEAST_WANTED_SPEED_M_S = 0.5
 _BRAKED_SPEED_SHARE = 0.4
 _BRAKING_TIME_S = 1.0
@@ -21,10 +21,10 @@ class ObstacleWatch:
         """Horizontal distances that the aircraft measures, by direction of the body; only sensors that work."""
         self._since_s: float | None = None
 
-    def observe(self, wanted: Vector3, flown: Vector3, yaw_rad: float, now_s: float) -> str:
+    def observe(self, wanted: Vector3, velocity: Vector3, yaw_rad: float, now_s: float) -> str:
         """Returns what brakes it, human-readable; empty if nothing seems to."""
         speed = wanted.horizontal_norm()
-        along = (wanted.x * flown.x + wanted.y * flown.y) / speed if speed > _LEAST_WANTED_SPEED_M_S else math.inf
+        along = (wanted.x * velocity.x + wanted.y * velocity.y) / speed if speed > _LEAST_WANTED_SPEED_M_S else math.inf
         if along > _BRAKED_SPEED_SHARE * speed:
             self._since_s = None
             return ""
@@ -38,9 +38,6 @@ class ObstacleWatch:
         """Returns the obstacle in a direction of the body."""
         for name, direction in _DIRECTIONS.items():
             distance_m = self.distances_m.get(name, math.inf)
-            if (
-                abs(math.remainder(bearing_rad - direction, math.tau)) <= 0.3 * math.pi
-                and distance_m < _OBSTACLE_DISTANCE_M
-            ):
+            if abs(math.remainder(bearing_rad - direction, math.tau)) <= 0.3 * math.pi and distance_m < _OBSTACLE_M:
                 return f"obstacle avoidance brakes: an obstacle {distance_m:.1f} m to the {name}"
         return ""

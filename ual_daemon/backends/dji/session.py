@@ -234,7 +234,7 @@ class DjiSession:
         """Notes which of the services that obtain the control authority were executed."""
         grant.is_obtained = True
         if call is telemetry.wrapper.obtain[-1]:
-            telemetry.note_granted(self.holding.asked_s, self._clock.now_s())
+            telemetry.note_granted(self.holding.requested_s, self._clock.now_s())
 
     def let_go(self, grant: Grant, result: Future[None]) -> None:
         """Releases the control authority where the rest of the command was refused, or was not called."""
@@ -272,15 +272,15 @@ class DjiSession:
             return "the wrapper serves nothing until its take-off has ended"
         return "the bridge would execute it late" if self._link.holds_up_calls else ""
 
-    def _transmit(self, asked: DjiRequest, _: int, key: Hashable) -> Callable[[], object]:
+    def _transmit(self, order: DjiRequest, _: int, key: Hashable) -> Callable[[], object]:
         """Calls a service. Returns what withdraws the call while it has not left.
 
         One that blocks the wrapper is waited for, as nothing else shows when the wrapper is free again. The aircraft
         refuses it without the control authority.
         """
-        call = asked.call
-        if asked.grant is not None:
-            asked.grant.is_used = True
+        call = order.call
+        if order.grant is not None:
+            order.grant.is_used = True
         answer = self._link.call_service(call.service, call.arguments, call.patience_s)
         if call.blocks:
             self._blocking = answer

@@ -61,7 +61,7 @@ class DjiTelemetry:
         self._taken_s: dict[str, float] = {}
         self._begun_s = math.inf
         self._braked: Sample[str] | None = None
-        self._said: Sample[str] | None = None
+        self._text: Sample[str] | None = None
         self.severe_texts = SevereTexts()
         readings = self._readings = Readings()
         self.height: Reading[float] = readings.add(Valid.WHILE_HEARD)
@@ -114,7 +114,7 @@ class DjiTelemetry:
         self._granted_s = -math.inf
         self.authority.forget()
 
-    def note_granted(self, asked_s: float, now_s: float) -> None:
+    def note_granted(self, requested_s: float, now_s: float) -> None:
         """Notes that the wrapper has given us the control authority, for which it was asked at a time.
 
         Where it is published, it counts before that comes. The display mode of a take-off that begins now may come
@@ -122,7 +122,7 @@ class DjiTelemetry:
         this answer is late.
         """
         self.authority.grant(is_granted=True)
-        if self.wrapper.says_authority and self._ours_s < asked_s:
+        if self.wrapper.says_authority and self._ours_s < requested_s:
             self._device.set(_OURS, now_s)
             self._granted_s = now_s
 
@@ -287,8 +287,8 @@ class DjiTelemetry:
         here, projection = self._geo, self.frame.projection
         if here is None or projection is None:
             return False
-        places = (projection.to_local(each.latitude_deg, each.longitude_deg, 0.0) for each in (here, home))
-        offset = next(places) - next(places)
+        points = (projection.to_local(each.latitude_deg, each.longitude_deg, 0.0) for each in (here, home))
+        offset = next(points) - next(points)
         if offset.horizontal_norm() <= _FARTHEST_HOME_M:
             return True
         if not self._is_home_rejected:
@@ -313,7 +313,7 @@ class DjiTelemetry:
 
     def say(self, text: str, now_s: float) -> None:
         """Tells people something for a while: in the status text."""
-        self._said = Sample(text, now_s)
+        self._text = Sample(text, now_s)
 
     def note_severity(self, message: Message, text: str, now_s: float) -> None:
         """Tells a text of the wrapper that it logs as fatal as a severe one."""
@@ -394,12 +394,12 @@ class DjiTelemetry:
 
     def _status_text(self, missing: str, now_s: float) -> str:
         """Returns the most important thing to say now."""
-        braked, said = self._braked, self._said
+        braked, last_text = self._braked, self._text
         if missing:
             return missing
         if braked is not None and braked.value and now_s - braked.time_s <= _BRAKED_S:
             return braked.value
-        return said.value if said is not None and now_s - said.time_s <= _SAID_S else ""
+        return last_text.value if last_text is not None and now_s - last_text.time_s <= _SAID_S else ""
 
     def snapshot(self, now_s: float, missing: str = "") -> Snapshot:
         """Returns what is known. `missing` says, human-readable, which topics do not come."""
@@ -439,11 +439,7 @@ class DjiTelemetry:
 
     def _is_good(self, now_s: float) -> bool:
         level = self._level.sample
-        return (
-            level is not None
-            and level.value >= self._settings.least_gps_level
-            and now_s - level.time_s < _GPS_LEVEL_AGE_LIMIT_S
-        )
+        return level is not None and level.value >= self._settings.least_gps_level and now_s - level.time_s < _GPS_AGE_S
 
     def _estimator(self, missing: str, now_s: float) -> Sample[Estimator] | None:
         level, why = self._level.sample, self._why_bad(missing, now_s)
@@ -496,7 +492,7 @@ class DjiTelemetry:
 
 LINK_S = 1.0
 """Seconds without a message after which the link counts as lost."""
-_GPS_LEVEL_AGE_LIMIT_S = 3.0
+_GPS_AGE_S = 3.0
 _TOPIC_SILENCE_S = 3.0
 """Seconds without a message after which a topic is named as missing."""
 _BRAKED_S, _SAID_S = 1.0, 10.0

@@ -33,17 +33,17 @@ class AirborneWatch:
     """Whether the vehicle is in the air, as far as verdicts have to wait for that."""
 
     def __init__(self) -> None:
-        self._flown_s = -math.inf
+        self._in_flight_s = -math.inf
 
     def update(self, armed: Sample[bool] | None, landed: Sample[LandedState] | None, now_s: float) -> None:
         """Takes the newest data; to be called often."""
         is_armed = armed is not None and armed.value and now_s - armed.time_s <= OLD_ARMED_SAMPLE_S
         if is_armed and (landed is None or landed.value is not LandedState.ON_GROUND):
-            self._flown_s = now_s
+            self._in_flight_s = now_s
 
     def is_flying(self, now_s: float) -> bool:
         """Returns whether it is in the air, or was a moment ago."""
-        return now_s - self._flown_s <= FLIGHT_END_S
+        return now_s - self._in_flight_s <= FLIGHT_END_S
 
 
 class Agreement(Generic[T]):
@@ -74,7 +74,7 @@ class Agreement(Generic[T]):
         self._backed_s = -math.inf
         self._candidate: T | None = None
         self._count = 0
-        self._since_s = self._seen_s = -math.inf
+        self._since_s = self._sampled_s = -math.inf
 
     @property
     def is_open(self) -> bool:
@@ -93,16 +93,16 @@ class Agreement(Generic[T]):
             self._backed_s = now_s
             self._drop()
             return False
-        if sample != self._candidate or now_s - self._seen_s > SAMPLE_LAPSE_S:
+        if sample != self._candidate or now_s - self._sampled_s > SAMPLE_LAPSE_S:
             self._drop()
             self._candidate, self._since_s = sample, now_s
-        self._count, self._seen_s = self._count + 1, now_s
+        self._count, self._sampled_s = self._count + 1, now_s
         return self._decide(now_s, is_flying=is_flying)
 
     def tick(self, now_s: float, *, is_flying: bool) -> bool:
         """Does what time does. Returns whether the verdict is another one now."""
         self._begun_s = min(self._begun_s, now_s)
-        if now_s - self._seen_s > SAMPLE_LAPSE_S:
+        if now_s - self._sampled_s > SAMPLE_LAPSE_S:
             self._drop()
         if self.value != self._assumed and now_s - self._backed_s > self._ends_s:
             self.value, self._backed_s = self._assumed, -math.inf

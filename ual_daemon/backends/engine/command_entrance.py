@@ -31,14 +31,14 @@ class Submits(Protocol[R]):
 class CommandEntrance(Generic[R]):
     """Entrance of a `Backend`'s commands. From any thread.
 
-    `reach` takes what is to be done, for errors, and returns the runner of the vehicle in reach, or the error that says
+    `access` takes the command's words for errors, and returns the runner of the vehicle, or the error that says
     why there is none. It may return another one later, as a vehicle may be replaced.
     """
 
-    def __init__(self, loop: Loop, clock: Clock, reach: Callable[[str], Submits[R] | UalError]) -> None:
+    def __init__(self, loop: Loop, clock: Clock, access: Callable[[str], Submits[R] | UalError]) -> None:
         self._loop = loop
         self._clock = clock
-        self._reach = reach
+        self._access = access
 
     def give(self, what: str, make: Callable[[], Command[R]]) -> Future[None]:
         """Has a command made and sent on the loop's thread. The future ends there; see `CommandRunner.submit`.
@@ -46,7 +46,7 @@ class CommandEntrance(Generic[R]):
         `make` may raise a `UalError`, which ends the future. The mode that the caller saw counts as the one from which
         the command leads: a later change is not overruled.
         """
-        runner = self._reach(what)
+        runner = self._access(what)
         if isinstance(runner, UalError):
             return futures.failed(runner)
         asked = CommandContext.at(self._clock.now_s(), command_snapshot() or self._loop.newest)
@@ -70,7 +70,7 @@ class CommandEntrance(Generic[R]):
     def _require_runner(self, what: str, asked: CommandContext, now_s: float) -> Submits[R]:
         if now_s - asked.time_s > UNSENT_COMMAND_S:
             raise UalTimeoutError(f"the command to {what} was not sent: this computer had no time for it")
-        runner = self._reach(what)
+        runner = self._access(what)
         if isinstance(runner, UalError):
             raise runner
         return runner

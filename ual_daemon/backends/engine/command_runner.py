@@ -315,13 +315,15 @@ class CommandRunner(Generic[R]):
         if group not in (FLYING, ARMING):
             return ""
         is_mode = group == FLYING
-        what, said = ("its mode", snapshot.control.mode) if is_mode else ("whether it is armed", snapshot.control.armed)
-        if said is None:
+        what, reported = (
+            ("its mode", snapshot.control.mode) if is_mode else ("whether it is armed", snapshot.control.armed)
+        )
+        if reported is None:
             return f"{what} is not known"
-        if said.time_s < self._watch.spoken_s:
+        if reported.time_s < self._watch.spoken_s:
             return f"{what} was not heard since the last silence"
-        is_old = is_mode and now_s - said.time_s > pending.command.mode_age_s
-        return f"{what} was not heard for {now_s - said.time_s:.1f} s" if is_old else ""
+        is_old = is_mode and now_s - reported.time_s > pending.command.mode_age_s
+        return f"{what} was not heard for {now_s - reported.time_s:.1f} s" if is_old else ""
 
     def _too_few_setpoints(self, pending: _PendingCommand[R], now_s: float) -> str:
         needs_s = pending.command.setpoints_before_s
@@ -336,8 +338,8 @@ class CommandRunner(Generic[R]):
             return "nothing was heard since it was sent"
         if after_s is None:
             return ""
-        said = snapshot.control.mode if pending.command.group == FLYING else snapshot.control.armed
-        is_shown = said is not None and said.time_s >= pending.passed_on_s + after_s
+        reported = snapshot.control.mode if pending.command.group == FLYING else snapshot.control.armed
+        is_shown = reported is not None and reported.time_s >= pending.passed_on_s + after_s
         return "" if is_shown else "it may still be executed"
 
     def _has_missed(self, pending: _PendingCommand[R], now_s: float) -> bool:
@@ -354,14 +356,14 @@ class CommandRunner(Generic[R]):
 
     def _judge_modes(self, now_s: float) -> None:
         """Ends the commands since which others have chosen a mode: sent now, they would take control from those."""
-        judged = [each for each in (*self._waiting, *self._in_flight.values()) if _depends_on_mode(each)]
-        if not judged:
+        dependent = [each for each in (*self._waiting, *self._in_flight.values()) if _depends_on_mode(each)]
+        if not dependent:
             return
         snapshot = self._snapshot(now_s)
         mode = snapshot.control.mode if snapshot.control.settled_mode else None
         if mode is None:
             return
-        for pending in self._those_left(judged):
+        for pending in self._those_left(dependent):
             if pending.command.leads_to(mode.value):
                 pending.shown_mode = mode.value.name
             elif not pending.from_mode and not pending.shown_mode:
@@ -502,11 +504,11 @@ class CommandRunner(Generic[R]):
 
     def _finish_those_shown(self, now_s: float) -> None:
         """Ends the commands whose effect shows: no repetition, and no refusal of one, matters any more."""
-        judged = [pending for pending in self._in_flight.values() if pending.command.shows is not None]
-        if not judged:
+        dependent = [pending for pending in self._in_flight.values() if pending.command.shows is not None]
+        if not dependent:
             return
         snapshot = self._snapshot(now_s)
-        for pending in self._those_left(judged):
+        for pending in self._those_left(dependent):
             assert pending.command.shows is not None
             if pending.command.shows(snapshot, pending.first_s):
                 pending.refusal = ""
@@ -543,10 +545,10 @@ class CommandRunner(Generic[R]):
         self._send_waiting(now_s)
 
     def _refused(self, pending: _PendingCommand[R]) -> UalError:
-        said = "".join(f"; it said: {text}" for text in pending.texts)
+        quoted = "".join(f"; it said: {text}" for text in pending.texts)
         texts = {"text": "; ".join(pending.texts)} if pending.texts else {}
         return RejectedByAutopilotError(
-            f"{pending.refuser or self._name} refused to {pending.command.what}: {pending.refusal}{said}",
+            f"{pending.refuser or self._name} refused to {pending.command.what}: {pending.refusal}{quoted}",
             {"result": pending.refusal, **texts, **dict(pending.command.details)},
         )
 

@@ -29,7 +29,7 @@ class ErrorBarrier:
 
     def __init__(self, what: str, outcome: str = "the flight goes on") -> None:
         self._what, self._outcome = what, outcome
-        self._told: set[str] = set()
+        self._logged: set[str] = set()
 
     def call(self, act: Callable[P, object], *args: P.args, **kwargs: P.kwargs) -> bool:
         """Returns whether it was done."""
@@ -43,9 +43,9 @@ class ErrorBarrier:
     def tell(self, error: Exception) -> None:
         """Logs a defect, once."""
         text = repr(error)
-        if text in self._told or len(self._told) >= _MOST_LOGGED_ERRORS:
+        if text in self._logged or len(self._logged) >= _MOST_LOGGED_ERRORS:
             return
-        self._told.add(text)
+        self._logged.add(text)
         line = "%s failed, and %s; this is a defect of UAL, please report it"
         _log.error(line, self._what, self._outcome, exc_info=error)
 

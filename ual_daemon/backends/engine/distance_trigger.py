@@ -21,8 +21,8 @@ class DistanceTrigger:
         if self._last is None:
             self._last = position
             return 1
-        way = position - self._last
-        count = int(way.norm() / self._distance_m)
+        moved = position - self._last
+        count = int(moved.norm() / self._distance_m)
         if count:
-            self._last += way * (count * self._distance_m / way.norm())
+            self._last += moved * (count * self._distance_m / moved.norm())
         return count

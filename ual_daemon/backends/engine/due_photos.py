@@ -19,7 +19,7 @@ class DuePhotos:
         self._order = order
         self._busy = busy
         self._lock = threading.Lock()
-        self._under_way: Future[Any] | None = None
+        self._running: Future[Any] | None = None
         self.missed_count = 0
 
     def take(self, due_count: int) -> None:
@@ -28,10 +28,10 @@ class DuePhotos:
             return
         with self._lock:
             self.missed_count += due_count - 1
-        if self._under_way is not None and not self._under_way.done():
+        if self._running is not None and not self._running.done():
             self._miss(self._busy)
             return
-        self._under_way = ordered = self._order()
+        self._running = ordered = self._order()
         ordered.add_done_callback(self._on_end)
 
     def _on_end(self, ordered: Future[Any]) -> None:

@@ -96,7 +96,7 @@ class Loop:
         self._watched_s = watched_s
         self._settle = driven.tick if settle is None else settle
         self._posted: deque[Posted] = deque()
-        self._given = futures.OpenFutures()
+        self._open = futures.OpenFutures()
         self._gap = SchedulingGap()
         self._failures = OnceLog("an update failed")
         self._contained = ErrorBarrier("a request")
@@ -114,13 +114,13 @@ class Loop:
 
         Where the loop has ended, so has the future. `what` is human-readable: "take a photo".
         """
-        return self._given.give(what, lambda future: self.post(lambda now_s: _begin(what, begin, future, now_s)))
+        return self._open.give(what, lambda future: self.post(lambda now_s: _begin(what, begin, future, now_s)))
 
     give = renamed(run_on_loop, "Loop.give")
 
     def end(self) -> None:
         """Ends all futures that are open. To be called once the thread has ended."""
-        self._given.close()
+        self._open.close()
 
     # --- On the thread ------------------------------------------------------------------------------------------------
 
@@ -176,9 +176,7 @@ class Loop:
         if (has_news or not is_due) and now_s < self._next_tick_s and not self._posted:
             return
         tick_s = self._clock.now_s()
-        if (
-            tick_s - now_s <= BLIND_SILENCE_S
-        ):  # else this thread was kept: what came meanwhile is read before anything is done
+        if tick_s - now_s <= BLIND_SILENCE_S:  # else this thread was kept: what came meanwhile is read first
             self._tick(tick_s)
 
     def publish(self, now_s: float) -> None:

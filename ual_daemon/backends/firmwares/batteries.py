@@ -21,16 +21,16 @@ class Batteries:
     def __init__(self) -> None:
         self.all: tuple[Battery, ...] = ()
         """Batteries that were reported lately, in the order of their ids."""
-        self._heard_s: dict[int, float] = {}
+        self._reported_s: dict[int, float] = {}
         self._known: dict[int, Battery] = {}
 
     def on_battery(self, battery: Battery, now_s: float) -> None:
         """Takes what was told of one."""
         if battery.id not in self._known and len(self._known) >= MOST_BATTERIES:
             return
-        self._known[battery.id], self._heard_s[battery.id] = battery, now_s
-        for each in [each for each, heard_s in self._heard_s.items() if now_s - heard_s > BATTERY_SILENCE_S]:
-            del self._known[each], self._heard_s[each]
+        self._known[battery.id], self._reported_s[battery.id] = battery, now_s
+        for each in [each for each, reported_s in self._reported_s.items() if now_s - reported_s > BATTERY_SILENCE_S]:
+            del self._known[each], self._reported_s[each]
         self.all = tuple(self._known[each] for each in sorted(self._known))
 
     @property

@@ -334,8 +334,8 @@ class CauseWatch:
             return None
         if self._sensors is not None and self._sensors_s >= begin_s:
             return self._sensors
-        is_told = self._is_critical and self._critical_s >= begin_s
-        return self._unnamed() if is_told and (is_over or self._has_paused) else None
+        was_critical = self._is_critical and self._critical_s >= begin_s
+        return self._unnamed() if was_critical and (is_over or self._has_paused) else None
 
     def _unnamed(self) -> Cause:
         """Returns the cause of a failsafe of which nothing was said: setpoints, where none of ours came before it."""

@@ -52,9 +52,9 @@ _JUMP_M = 0.5
 _PRIOR_M2_S = 1.0
 """The variance of the velocity (m^2/s^2 times seconds) at which half of the measured drag is used: with less of it the
 estimate stays close to what was expected."""
-_REPORTED_VARIANCE_M2_S = 10.0
+_DRAG_VARIANCE_M2_S = 10.0
 """The variance from which on the drag is worth to be reported."""
-_REPORTED_DRAG_STEP_1_S = 0.1
+_DRAG_NEWS_1_S = 0.1
 VELOCITY_GAINS = {"MPC_XY_VEL_P_ACC": 1.8, "MPC_XY_VEL_D_ACC": 0.2}
 """The gains by which PX4 follows a horizontal velocity, as they are shipped."""
 (_P_NAME, _P), (_D_NAME, _D) = VELOCITY_GAINS.items()
@@ -93,13 +93,13 @@ class FeedForward:
         self._parameters = parameters
         self._smooth: _Smooth | None = None
         self._sums = _Sums(expected_drag_1_s)
-        self.drag_1_s = self._told_1_s = expected_drag_1_s
+        self.drag_1_s = self._reported_1_s = expected_drag_1_s
         """Deceleration by drag for each m/s."""
         self.velocity_error = Vector3()
         """The estimated velocity minus the velocity of the estimated position, m/s."""
         self._last: tuple[float, Vector3] | None = None
         """Time of the last setpoint, and the low-pass filtered accelerations until then."""
-        self._flown = (0.0, 0.0, 0.0)
+        self._velocity = (0.0, 0.0, 0.0)
         """Time of the last setpoint, and the horizontal velocity that is flown then: it follows a commanded one
         later.
         """
@@ -135,11 +135,8 @@ class FeedForward:
             self._tell()
 
     def _tell(self) -> None:
-        if (
-            abs(self.drag_1_s - self._told_1_s) > _REPORTED_DRAG_STEP_1_S
-            and self._sums.variance() > _REPORTED_VARIANCE_M2_S
-        ):
-            self._told_1_s = self.drag_1_s
+        if abs(self.drag_1_s - self._reported_1_s) > _DRAG_NEWS_1_S and self._sums.variance() > _DRAG_VARIANCE_M2_S:
+            self._reported_1_s = self.drag_1_s
             logs.event(_log, logging.INFO, "drag_learned", drag_1_s=round(self.drag_1_s, 2))
 
     @overload
@@ -155,7 +152,7 @@ class FeedForward:
             x, y, ax, ay = self.answered(v.x, v.y, now_s)
             return VelocitySetpoint(Vector3(x, y, v.z), setpoint.yaw_rate_rad_s, Vector3(ax, ay, 0.0))
         v, a, error, drag_1_s = setpoint.velocity, setpoint.acceleration, self.velocity_error, self.drag_1_s
-        self._flown = (now_s, v.x, v.y)
+        self._velocity = (now_s, v.x, v.y)
         acceleration = self._leading(Vector3(a.x + v.x * drag_1_s, a.y + v.y * drag_1_s, a.z), now_s)
         velocity = Vector3(v.x + error.x, v.y + error.y, v.z + error.z)
         return PositionSetpoint(setpoint.position, setpoint.yaw_rad, velocity, acceleration, setpoint.yaw_rate_rad_s)
@@ -169,13 +166,13 @@ class FeedForward:
         parameters = self._parameters
         gain_1_s = parameters.get(_P_NAME) or _P
         time_s = (1.0 + parameters.get(_D_NAME, _D)) / gain_1_s
-        (old_s, x, y), drag_1_s, most_m_s = self._flown, self.drag_1_s, _MOST_M_S2 / gain_1_s
+        (old_s, x, y), drag_1_s, most_m_s = self._velocity, self.drag_1_s, _MOST_M_S2 / gain_1_s
         share = 1.0 - math.exp((old_s - now_s) / time_s) if now_s > old_s else 0.0
         dx, dy, most2 = vx - x, vy - y, most_m_s * most_m_s
         if (off2 := dx * dx + dy * dy) > most2:
             share *= math.sqrt(most2 / off2)
         x, y = x + dx * share, y + dy * share
-        self._flown = (now_s, x, y)
+        self._velocity = (now_s, x, y)
         dx, dy = vx - x, vy - y
         if (off2 := dx * dx + dy * dy) > most2:
             gain_1_s *= math.sqrt(most2 / off2)

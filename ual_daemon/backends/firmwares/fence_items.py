@@ -21,7 +21,7 @@ _REFERENCES = {
     3: AltitudeReference.HOME,
     6: AltitudeReference.HOME,
 }
-_UNITS_PER_DEG = 1e7
+_E7_PER_DEG = 1e7
 MOST_HEIGHT_M = 32_767.0
 """ArduPilot keeps heights of rally points with 16 bits."""
 
@@ -36,32 +36,27 @@ def _items(zone: FenceZone) -> Iterator[MissionItem]:
     command = (_POLYGONS if is_polygon else _CIRCLES)[zone.is_inclusion]
     size = float(len(zone.points)) if zone.radius_m is None else zone.radius_m
     for latitude_deg, longitude_deg in zone.points:
-        yield MissionItem(
-            0, command, size, x=round(latitude_deg * _UNITS_PER_DEG), y=round(longitude_deg * _UNITS_PER_DEG)
-        )
+        yield MissionItem(0, command, size, x=round(latitude_deg * _E7_PER_DEG), y=round(longitude_deg * _E7_PER_DEG))
 
 
 def found_zones(items: Sequence[MissionItem]) -> FoundZones:
     """Returns what the items mean, or why they make no fence."""
     return find_zones(
-        [
-            FenceItem(each.command, each.frame, each.param1, each.x / _UNITS_PER_DEG, each.y / _UNITS_PER_DEG)
-            for each in items
-        ]
+        [FenceItem(each.command, each.frame, each.param1, each.x / _E7_PER_DEG, each.y / _E7_PER_DEG) for each in items]
     )
 
 
-def item_of_return_point(place: tuple[float, float]) -> MissionItem:
+def item_of_return_point(position: tuple[float, float]) -> MissionItem:
     """Returns the item of the point to return to."""
     return MissionItem(
-        0, FenceCommand.RETURN_POINT, x=round(place[0] * _UNITS_PER_DEG), y=round(place[1] * _UNITS_PER_DEG)
+        0, FenceCommand.RETURN_POINT, x=round(position[0] * _E7_PER_DEG), y=round(position[1] * _E7_PER_DEG)
     )
 
 
 def return_point_of_items(items: Sequence[MissionItem]) -> tuple[float, float] | None:
     """Returns the point to return to; None where there is none."""
     found = next((each for each in items if each.command == FenceCommand.RETURN_POINT), None)
-    return None if found is None else (found.x / _UNITS_PER_DEG, found.y / _UNITS_PER_DEG)
+    return None if found is None else (found.x / _E7_PER_DEG, found.y / _E7_PER_DEG)
 
 
 def zones_of_items(items: Sequence[MissionItem]) -> tuple[FenceZone, ...]:
@@ -83,8 +78,8 @@ def items_of_rally(points: Sequence[RallyPoint]) -> list[MissionItem]:
         MissionItem(
             _FRAMES[each.reference],
             _RALLY_POINT_COMMAND,
-            x=round(each.latitude_deg * _UNITS_PER_DEG),
-            y=round(each.longitude_deg * _UNITS_PER_DEG),
+            x=round(each.latitude_deg * _E7_PER_DEG),
+            y=round(each.longitude_deg * _E7_PER_DEG),
             z=float(each.height_m),
         )
         for each in points
@@ -93,9 +88,7 @@ def items_of_rally(points: Sequence[RallyPoint]) -> list[MissionItem]:
 
 def _is_on_earth(item: MissionItem) -> bool:
     """Returns whether an item has a place, at a height that UAL can tell (NaN is none)."""
-    return (
-        abs(item.x) <= 90.0 * _UNITS_PER_DEG and abs(item.y) <= 180.0 * _UNITS_PER_DEG and abs(item.z) <= MOST_HEIGHT_M
-    )
+    return abs(item.x) <= 90.0 * _E7_PER_DEG and abs(item.y) <= 180.0 * _E7_PER_DEG and abs(item.z) <= MOST_HEIGHT_M
 
 
 def rally_of_items(items: Sequence[MissionItem]) -> tuple[RallyPoint, ...]:
@@ -112,8 +105,8 @@ def rally_of_items(items: Sequence[MissionItem]) -> tuple[RallyPoint, ...]:
             text = f"rally points: number {number} is none that UAL knows (command {item.command}, frame {item.frame})"
             raise RejectedByAutopilotError(text, {"list": "rally points"})
         if not _is_on_earth(item):
-            place = f"{item.x / _UNITS_PER_DEG:.7f}, {item.y / _UNITS_PER_DEG:.7f}, {item.z:g} m"
-            text = f"rally points: number {number} has no place on Earth ({place})"
+            position = f"{item.x / _E7_PER_DEG:.7f}, {item.y / _E7_PER_DEG:.7f}, {item.z:g} m"
+            text = f"rally points: number {number} has no place on Earth ({position})"
             raise RejectedByAutopilotError(text, {"list": "rally points"})
-        found.append(RallyPoint(item.x / _UNITS_PER_DEG, item.y / _UNITS_PER_DEG, round(item.z), reference))
+        found.append(RallyPoint(item.x / _E7_PER_DEG, item.y / _E7_PER_DEG, round(item.z), reference))
     return tuple(found)

@@ -14,7 +14,7 @@ _log = logging.getLogger(__name__)
 
 ORIGIN_TOLERANCE_M = 0.5
 """A recorded flight of ArduPilot differs by 0.014 m at most; both positions are of the same estimate."""
-_DISTANCE_TOLERANCE_SHARE = 1e-4
+_DISTANCE_SHARE = 1e-4
 """The part of the distance from the origin that is added to it, for projections that differ a little."""
 _LONGEST_POSITION_GAP_S = 0.3
 """Positions that are farther apart in time are not compared."""
@@ -66,10 +66,7 @@ class LocalOrigin:
         there = origin.to_local(point.latitude_deg, point.longitude_deg, origin.altitude_amsl_m)
         off_m = math.hypot(there.x - p.x - v.x * passed_s, there.y - p.y - v.y * passed_s)
         far_m = math.hypot(p.x, p.y, p.z)
-        if (
-            off_m
-            <= ORIGIN_TOLERANCE_M + _DISTANCE_TOLERANCE_SHARE * far_m + _ACCELERATION_M_S2 / 2 * passed_s * passed_s
-        ):
+        if off_m <= ORIGIN_TOLERANCE_M + _DISTANCE_SHARE * far_m + _ACCELERATION_M_S2 / 2 * passed_s * passed_s:
             self._doubts_count = 0
             return
         self._doubts_count += 1

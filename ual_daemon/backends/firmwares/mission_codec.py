@@ -47,7 +47,7 @@ _WAYPOINT, _RETURN, _LAND, _TAKE_OFF, _DELAY = 16, 20, 21, 22, 93
 _YAW, _JUMP, _SPEED, _ROI, _ROI_NONE, _TRIGGER = 115, JUMP, 178, 195, 197, 206
 _START_CAPTURE, _STOP_CAPTURE = 2000, 2001
 _NO_THROTTLE, _GROUND_SPEED, _NOT_USED = -1.0, 1.0, -1.0
-_UNITS_PER_DEG = 1e7
+_E7_PER_DEG = 1e7
 _GLOBAL = ("frame", "x", "y", "z")
 _YAW_TOLERANCE_DEG = 0.01
 _LEAST_ALTITUDE_M = 0.01
@@ -338,7 +338,7 @@ def _at(
     above: AltitudeReference,
     params: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
 ) -> MissionItem:
-    x, y = round(place.latitude_deg * _UNITS_PER_DEG), round(place.longitude_deg * _UNITS_PER_DEG)
+    x, y = round(place.latitude_deg * _E7_PER_DEG), round(place.longitude_deg * _E7_PER_DEG)
     return MissionItem(_FRAMES[above], command, *params, x, y, altitude_m)
 
 
@@ -405,6 +405,6 @@ def _kept(item: MissionItem, field: str) -> float:
 def _params(item: MissionItem) -> list[float | None]:
     """Returns the seven numbers as files have them: degrees, and None for NaN."""
     is_global = item.frame != _MISSION_FRAME_CODE
-    x, y = (item.x / _UNITS_PER_DEG, item.y / _UNITS_PER_DEG) if is_global else (float(item.x), float(item.y))
+    x, y = (item.x / _E7_PER_DEG, item.y / _E7_PER_DEG) if is_global else (float(item.x), float(item.y))
     params = (item.param1, item.param2, item.param3, item.param4, x, y, item.z)
     return [None if math.isnan(each) else each for each in params]

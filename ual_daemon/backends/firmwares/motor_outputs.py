@@ -31,7 +31,7 @@ class MotorOutputs:
     def __init__(self) -> None:
         self._rests_since_s = math.inf
         """Since when all motors stand; infinity while one turns."""
-        self._heard_s = -math.inf
+        self._reported_s = -math.inf
 
     def on_pulses(self, pulses_us: Sequence[int], motors: MotorChannels | None, now_s: float) -> None:
         """Takes the pulses of the outputs, the first one first. 0: nothing is put out. None: no motor is known."""
@@ -39,24 +39,24 @@ class MotorOutputs:
         found_us = [] if motors is None else [pulses_us[each] for each in motors.channels if each < count]
         if motors is None or not found_us or not min(found_us):
             return
-        if now_s - self._heard_s > _REPORT_AGE_LIMIT_S:
+        if now_s - self._reported_s > _REPORT_AGE_LIMIT_S:
             self._rests_since_s = math.inf
-        self._heard_s = now_s
+        self._reported_s = now_s
         do_rest = max(found_us) <= motors.least_us + REST_PULSE_US
         self._rests_since_s = min(self._rests_since_s, now_s) if do_rest else math.inf
 
     def forget(self) -> None:
         """Forgets what was reported: from now on it says nothing."""
-        self._rests_since_s, self._heard_s = math.inf, -math.inf
+        self._rests_since_s, self._reported_s = math.inf, -math.inf
 
     def stand(self, now_s: float) -> bool | None:
         """Returns whether all motors stand; None where that is not known now."""
-        if now_s - self._heard_s > _REPORT_AGE_LIMIT_S:
+        if now_s - self._reported_s > _REPORT_AGE_LIMIT_S:
             return None
         if self._rests_since_s == math.inf:
             return False
-        return True if self._heard_s - self._rests_since_s >= MOTORS_REST_S else None
+        return True if self._reported_s - self._rests_since_s >= MOTORS_REST_S else None
 
     def turn_since(self, time_s: float) -> bool:
         """Returns whether a motor was told to turn at the newest report, which came after a time."""
-        return self._heard_s > time_s and self._rests_since_s == math.inf
+        return self._reported_s > time_s and self._rests_since_s == math.inf

@@ -206,8 +206,8 @@ def _cause(number: int, arguments: bytes, mode: str) -> Cause | None:
     """Returns what an event says of the cause of a failsafe in a mode; None if it says nothing."""
     if number in _OFFBOARD_SIGNAL:
         return Cause.SETPOINTS if mode == "OFFBOARD" else None
-    place = _CAUSE_AT.get(number)
-    return _TRIGGERS.get(number) if place is None else _CAUSES.get(arguments[place])
+    index = _CAUSE_AT.get(number)
+    return _TRIGGERS.get(number) if index is None else _CAUSES.get(arguments[index])
 
 
 def _concerns(number: int, arguments: bytes, mode: str) -> bool:

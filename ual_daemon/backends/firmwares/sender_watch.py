@@ -48,7 +48,7 @@ class SenderWatch:
         self._sent = sent
         self._stays = stays_without_setpoints
         self._flies_since_s = math.inf
-        self._heard_s = -math.inf
+        self._received_s = -math.inf
         self._back_s = -math.inf
         """Time of its return after a silence."""
         self._target: _ReportedTarget | None = None
@@ -117,9 +117,9 @@ class SenderWatch:
         return self._found
 
     def _note_received(self, time_s: float) -> None:
-        if math.isfinite(self._heard_s) and time_s - self._heard_s > AUTOPILOT_SILENCE_S:
+        if math.isfinite(self._received_s) and time_s - self._received_s > AUTOPILOT_SILENCE_S:
             self._back_s = time_s
-        self._heard_s = max(self._heard_s, time_s)
+        self._received_s = max(self._received_s, time_s)
 
     def _find(self, what: str, now_s: float) -> None:
         self._found, self._found_s = _SILENT.format(what), now_s
@@ -153,8 +153,8 @@ class _ReportedTarget(NamedTuple):
 
     def has_jumped_from(self, old: _ReportedTarget) -> bool:
         """Returns whether both are positions, and the velocity does not explain the way between them."""
-        way_m = MOVED_M + 1.5 * (self.time_s - old.time_s) * max(self.velocity.norm(), old.velocity.norm())
-        return self.has_position and old.has_position and (self.position - old.position).norm() > way_m
+        distance_m = MOVED_M + 1.5 * (self.time_s - old.time_s) * max(self.velocity.norm(), old.velocity.norm())
+        return self.has_position and old.has_position and (self.position - old.position).norm() > distance_m
 
     def has_moved_from(self, old: _ReportedTarget) -> bool:
         """Returns whether it is another target."""

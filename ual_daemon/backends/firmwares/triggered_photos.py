@@ -86,7 +86,7 @@ class TriggeredPhotos:
             each.fail(error)
         self._waiting, self._last, self.distance_m = [], None, None
 
-    def on_report(self, number: int, stamp_s: float | None, place: GeoPoint | None) -> None:
+    def on_report(self, number: int, stamp_s: float | None, position: GeoPoint | None) -> None:
         """Takes that a picture was taken: its number, and where and when, as far as that is reported."""
         if number == self._last:
             return
@@ -94,7 +94,7 @@ class TriggeredPhotos:
             self.missed_count += number - self._last - 1
         self._last = number
         here = self.look()
-        viewpoint = here._replace(position_geo=place or here.position_geo)
+        viewpoint = here._replace(position_geo=position or here.position_geo)
         stamp_s = stamp_s or self.utc_s()
         taken = self.photos.add(lambda added: TakenPhoto(added, stamp_s, viewpoint))
         for each in self._waiting:

@@ -110,7 +110,7 @@ class LightBackend(Backend):
         self._random = random.Random()  # noqa: S311  for noise, not for secrets
         self._noise_sigmas = (settings.position_noise_m, settings.velocity_noise_m_s)
         self._faults = Faults(self.world)
-        self._given = futures.OpenFutures()
+        self._open = futures.OpenFutures()
         self._late_acks: list[tuple[float, Future[None]]] = []
         self._status_text = ""
         self._loop: Loop | None = None
@@ -159,7 +159,7 @@ class LightBackend(Backend):
     def close(self) -> None:
         self._cameras.close()
         self.world.unlisten(self._index)
-        self._given.close()
+        self._open.close()
 
     @override
     def info(self) -> VehicleInfo:
@@ -311,12 +311,12 @@ class LightBackend(Backend):
             if due_s < math.inf:
                 self._late_acks.append((due_s, ack))
 
-        return self._given.give("hear the autopilot's answer", begin)
+        return self._open.give("hear the autopilot's answer", begin)
 
     def _why_overtaken(self) -> str | None:
         """Returns that the pilot has changed the mode since a command was assessed; None if that did not happen."""
-        seen, mode = command_snapshot(), FlightMode(int(self.world.fleet.mode[self._index])).name
-        is_same = seen is None or seen.control.settled_mode in ("", mode)
+        snapshot, mode = command_snapshot(), FlightMode(int(self.world.fleet.mode[self._index])).name
+        is_same = snapshot is None or snapshot.control.settled_mode in ("", mode)
         return None if is_same else f"Mode: it became {mode}"
 
     def _arm(self, fleet: Vehicles) -> str | None:
@@ -434,16 +434,16 @@ class LightBackend(Backend):
         if self._faults.is_link_lost:
             self._snapshot = self._snapshot._replace(time_s=now_s, updated_s=now_s, sequence=self._snapshot_step)
             return self._snapshot
-        seen = self.world.fleet.report(self._index)
-        position, velocity = Vector3(*seen.position), Vector3(*seen.velocity)
+        report = self.world.fleet.report(self._index)
+        position, velocity = Vector3(*report.position), Vector3(*report.velocity)
         if any(self._noise_sigmas):
             position_noise, velocity_noise = self._noise()
             position, velocity = position + position_noise, velocity + velocity_noise
-        percent = seen.battery_percent
-        if seen.mode != FlightMode.HOLD:
+        percent = report.battery_percent
+        if report.mode != FlightMode.HOLD:
             self._holds_by = None
-        landed = LandedState.ON_GROUND if seen.is_landed else LandedState.IN_AIR
-        if seen.mode == FlightMode.LAND and not seen.is_landed:
+        landed = LandedState.ON_GROUND if report.is_landed else LandedState.IN_AIR
+        if report.mode == FlightMode.LAND and not report.is_landed:
             landed = LandedState.LANDING
         self._snapshot = Snapshot(
             time_s=now_s,
@@ -451,17 +451,17 @@ class LightBackend(Backend):
             sequence=self.world.steps,
             updated_s=now_s,
             control=ControlState(
-                armed=Sample(seen.is_armed, now_s),
+                armed=Sample(report.is_armed, now_s),
                 landed=Sample(landed, now_s),
-                mode=Sample(_MODES[seen.mode], now_s),
+                mode=Sample(_MODES[report.mode], now_s),
                 failsafe=self._faults.failsafe,
-                held_by=Cause.SAFETY_PILOT if seen.mode == FlightMode.MANUAL else self._holds_by,
+                held_by=Cause.SAFETY_PILOT if report.mode == FlightMode.MANUAL else self._holds_by,
             ),
             motion=MotionState(
                 stamp_s=self.world.epoch_s + now_s,
-                estimator=Sample(_GOOD if seen.has_position else _LOST, now_s),
-                pose=Sample(Pose(position, Quaternion.from_yaw(seen.yaw)), now_s),
-                velocity=Sample(Twist(velocity, Vector3(0.0, 0.0, seen.yaw_rate)), now_s),
+                estimator=Sample(_GOOD if report.has_position else _LOST, now_s),
+                pose=Sample(Pose(position, Quaternion.from_yaw(report.yaw)), now_s),
+                velocity=Sample(Twist(velocity, Vector3(0.0, 0.0, report.yaw_rate)), now_s),
             ),
             earth=EarthReference(
                 projection=self._projection,  # from which the geographic position is computed when it is needed
@@ -470,11 +470,11 @@ class LightBackend(Backend):
             ),
             condition=Condition(
                 battery=Battery(
-                    percent, _EMPTY_V + (_FULL_V - _EMPTY_V) * percent / 100.0, 12.0 if seen.is_armed else 0.5
+                    percent, _EMPTY_V + (_FULL_V - _EMPTY_V) * percent / 100.0, 12.0 if report.is_armed else 0.5
                 ),
-                gps=_gps(seen, self._corrections.age_s),
+                gps=_gps(report, self._corrections.age_s),
                 status_text=self._status_text,
-                health=_health(seen, self.world.lag_s),
+                health=_health(report, self.world.lag_s),
             ),
         )
         return self._snapshot
@@ -483,11 +483,11 @@ class LightBackend(Backend):
 _READY, _BLIND, _EMPTY = Health(True), Health(False, ("position",)), Health(False, ("battery",))
 
 
-def _health(seen: LightReport, lag_s: float) -> Health:
+def _health(report: LightReport, lag_s: float) -> Health:
     found = _READY
-    if not seen.has_position:
+    if not report.has_position:
         found = _BLIND
-    elif seen.battery_percent < _LOWEST_BATTERY_PERCENT:
+    elif report.battery_percent < _LOWEST_BATTERY_PERCENT:
         found = _EMPTY
     if lag_s <= LAG_S:
         return found
@@ -497,8 +497,8 @@ def _health(seen: LightReport, lag_s: float) -> Health:
 _FIX, _NO_FIX = GpsInfo(GpsFix.FIX_3D, 14, 0.5, 0.8), GpsInfo(GpsFix.NONE)
 
 
-def _gps(seen: LightReport, corrections_age_s: float | None) -> GpsInfo:
-    fix = _FIX if seen.has_position else _NO_FIX
+def _gps(report: LightReport, corrections_age_s: float | None) -> GpsInfo:
+    fix = _FIX if report.has_position else _NO_FIX
     return fix if corrections_age_s is None else replace(fix, corrections_age_s=corrections_age_s)
 
 

@@ -101,7 +101,7 @@ class LightCamera(CameraDriver):
         self._settings = settings
         self._carrier = carrier
         self._seed = seed
-        self._look = look
+        self._observe = look
         self._paint = paint
         self._mounting = _mounting(settings)
         self._lock = threading.Lock()
@@ -124,7 +124,7 @@ class LightCamera(CameraDriver):
             self._number,
             settings.name,
             _ABILITIES,
-            not self._look().is_link_lost,
+            not self._observe().is_link_lost,
             __version__,
             settings.width_px,
             settings.height_px,
@@ -263,7 +263,7 @@ class LightCamera(CameraDriver):
     def _do(self, act: Callable[[CameraMoment], T]) -> Future[T]:
         """Does something at once, unless the link is lost. Returns its result or its error."""
         future: Future[T] = Future()
-        seen = self._look()
+        seen = self._observe()
         try:
             if seen.is_link_lost:
                 raise LinkLostError(f"camera {self._number} is not heard (simulated)")

@@ -21,9 +21,9 @@ from ual_daemon.backends.light.physics import (
     LANDED_DRAIN_SHARE,
     LEAST_LIMIT_VALUE,
     LIFT_OFF_M,
-    PHYSICS_STEP_S,
     POSITION_GAIN,
     SETPOINT_TIMEOUT_S,
+    SIM_STEP_S,
     WIND_DRAG,
     YAW_GAIN,
     FlightMode,
@@ -127,7 +127,7 @@ class Fleet:
 
     def set_setpoint(self, index: int, setpoint: Setpoint, now_s: float) -> None:
         """Sets the setpoint of one autopilot."""
-        is_next = self.by_position.item(index) and now_s - self.setpoint_s.item(index) < 1.5 * PHYSICS_STEP_S
+        is_next = self.by_position.item(index) and now_s - self.setpoint_s.item(index) < 1.5 * SIM_STEP_S
         self.setpoint_s[index] = now_s
         self.goal_yaw_rate[index] = setpoint.yaw_rate_rad_s
         if isinstance(setpoint, PositionSetpoint):
@@ -164,7 +164,7 @@ class Fleet:
             self.goal_yaw_rate[index] = 0.0
 
     def step(self, now_s: float) -> None:
-        """Moves all vehicles by one step of `PHYSICS_STEP_S`."""
+        """Moves all vehicles by one step of `SIM_STEP_S`."""
         lost_setpoints = (self.mode == FlightMode.GUIDED) & (now_s - self.setpoint_s > SETPOINT_TIMEOUT_S)
         for index in np.flatnonzero(lost_setpoints & ~self.is_landed):
             self.set_mode(int(index), FlightMode.HOLD)
@@ -175,13 +175,10 @@ class Fleet:
         place = self.position
         self._accelerate(command)
         self.yaw_rate = np.where(self.is_landed, 0.0, np.clip(yaw_rate, -self.max_yaw_rate, self.max_yaw_rate))
-        self.yaw = np.remainder(self.yaw + self.yaw_rate * PHYSICS_STEP_S + math.pi, math.tau) - math.pi
+        self.yaw = np.remainder(self.yaw + self.yaw_rate * SIM_STEP_S + math.pi, math.tau) - math.pi
         self._touch_ground(command, place)
         drain = (
-            np.where(self.is_landed, LANDED_DRAIN_SHARE, 1.0)
-            * self.is_armed
-            * (100.0 * PHYSICS_STEP_S)
-            / self.endurance_s
+            np.where(self.is_landed, LANDED_DRAIN_SHARE, 1.0) * self.is_armed * (100.0 * SIM_STEP_S) / self.endurance_s
         )
         self.battery_percent = np.maximum(0.0, self.battery_percent - drain)
 
@@ -230,15 +227,15 @@ class Fleet:
         before = self.velocity
         # Limits the horizontal and the vertical part separately: this gives the nearest velocity within the limits,
         # which needs no more acceleration.
-        after = before + acceleration * PHYSICS_STEP_S
+        after = before + acceleration * SIM_STEP_S
         fast = np.hypot(after[:, 0], after[:, 1]) / self.horizontal_speed
         after[:, :2] /= np.maximum(1.0, fast)[:, None]
         after[:, 2] = np.clip(after[:, 2], -self.vertical_speed, self.vertical_speed)
         after = np.where(self.is_armed[:, None], after, 0.0)
         falls = ~self.is_landed & ~(self.is_armed & (self.power > 0.0))
-        after[falls] = before[falls] - (0.0, 0.0, GRAVITY_M_S2 * PHYSICS_STEP_S)
+        after[falls] = before[falls] - (0.0, 0.0, GRAVITY_M_S2 * SIM_STEP_S)
         self.velocity = after
-        self.position = self.position + (before + after) * (PHYSICS_STEP_S / 2)
+        self.position = self.position + (before + after) * (SIM_STEP_S / 2)
 
     def _touch_ground(self, command: Floats, place: Floats) -> None:
         """Keeps vehicles above the ground, and those that stand on it at their `place`. Reports a landing after a
@@ -249,7 +246,7 @@ class Fleet:
         self.velocity[sits] = 0.0
         self.position[sits, :2] = place[sits, :2]
         self.position[:, 2] = np.maximum(self.position[:, 2], self.ground)
-        self.on_ground_s = np.where(sits, self.on_ground_s + PHYSICS_STEP_S, 0.0)
+        self.on_ground_s = np.where(sits, self.on_ground_s + SIM_STEP_S, 0.0)
         up = self.position[:, 2] > self.ground + LIFT_OFF_M
         self.is_landed = (self.is_landed | (self.on_ground_s >= LANDED_AFTER_S)) & ~up
         self.has_flown = (self.has_flown | up) & self.is_armed

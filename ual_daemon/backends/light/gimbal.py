@@ -53,7 +53,7 @@ class LightGimbal(GimbalDriver):
     def __init__(self, number: int, settings: LightGimbalSettings, look: Callable[[], GimbalMoment]) -> None:
         self._number = number
         self._settings = settings
-        self._look = look
+        self._observe = look
         self._ranges = [
             AngleRange(*settings.roll_limits_rad),
             AngleRange(*settings.pitch_limits_rad),
@@ -69,7 +69,7 @@ class LightGimbal(GimbalDriver):
     @override
     def info(self) -> GimbalInfo:
         roll, pitch, yaw = self._ranges
-        is_connected = not self._look().is_link_lost
+        is_connected = not self._observe().is_link_lost
         return GimbalInfo(
             self._number, self._settings.name, frozenset(GimbalAbility), is_connected, "", roll, pitch, yaw
         )
@@ -81,7 +81,7 @@ class LightGimbal(GimbalDriver):
 
     @override
     def attitude(self) -> GimbalAttitude | None:
-        moment = self._look()
+        moment = self._observe()
         if moment.is_link_lost:
             return None
         return GimbalAttitude(self.angles(moment).orientation, GimbalReference.HORIZON, moment.time_s)
@@ -132,13 +132,13 @@ class LightGimbal(GimbalDriver):
         return self._set_control(is_ours=False)
 
     def _set_control(self, *, is_ours: bool) -> Future[None]:
-        if self._look().is_link_lost:
+        if self._observe().is_link_lost:
             return self._lost()
         self._is_ours = is_ours
         return futures.done()
 
     def _turn(self, goal: _Goal) -> Future[None]:
-        moment = self._look()
+        moment = self._observe()
         if moment.is_link_lost:
             return self._lost()
         with self._lock:
@@ -188,9 +188,9 @@ def _shortest_turn(now_rad: float, wanted_rad: float, range_: AngleRange) -> flo
     return wrap_angle(wanted_rad - now_rad) if _is_endless(range_) else range_.nearest(wanted_rad) - now_rad
 
 
-def _turned(now_rad: float, way_rad: float, range_: AngleRange, far_rad: float) -> float:
+def _turned(now_rad: float, turn_rad: float, range_: AngleRange, far_rad: float) -> float:
     """Returns where an axis is on its way after it has turned so far."""
-    turned_rad = now_rad + math.copysign(min(abs(way_rad), far_rad), way_rad)
+    turned_rad = now_rad + math.copysign(min(abs(turn_rad), far_rad), turn_rad)
     return wrap_angle(turned_rad) if _is_endless(range_) else range_.nearest(turned_rad)
 
 

@@ -134,5 +134,5 @@ def _lower_priority(pid: int) -> None:
 
 def _environment() -> dict[str, str]:
     """Returns that of this process, with the places where this one finds its packages."""
-    places = [str(Path(each).absolute()) for each in sys.path if each]
-    return {**os.environ, "PYTHONPATH": os.pathsep.join(places)}
+    folders = [str(Path(each).absolute()) for each in sys.path if each]
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(folders)}

@@ -140,12 +140,12 @@ def _colour_planes(cast: _Cast, focal_px: float, scene: PaintedScene) -> Array:
     """Returns the planes of red, green and blue that the rays of a block see."""
     if not cast.is_ground.any():
         return _sky(cast)
-    way = cast.reach * cast.length
-    footprint = way / (np.float32(focal_px) * cast.slope)  # what a pixel covers, along its ray
+    path = cast.reach * cast.length
+    footprint = path / (np.float32(focal_px) * cast.slope)  # what a pixel covers, along its ray
     planes = _ground(cast.x, cast.y, footprint)
     for marker in scene.markers:
         _lay(marker, cast.x, cast.y, planes)
-    clear = np.exp(way / np.float32(-HAZE_M))
+    clear = np.exp(path / np.float32(-HAZE_M))
     _mix(planes, np.float32(1.0) - clear, HORIZON)
     return planes if cast.is_ground.all() else np.where(cast.is_ground, planes, _sky(cast))
 

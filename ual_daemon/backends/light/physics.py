@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from ual_daemon.backends.light.settings import LightSettings
 
-PHYSICS_STEP_S = 0.02
+SIM_STEP_S = 0.02
 """The step of simulated time: 50 Hz. Faster setpoints would not help."""
 
 SETPOINT_TIMEOUT_S = 1.0

@@ -13,9 +13,9 @@ from ual_daemon.backends.light.physics import (
     LEAST_LIMIT_VALUE,
     LIFT_OFF_M,
     NO_CONDITIONS_CODE,
-    PHYSICS_STEP_S,
     POSITION_GAIN,
     SETPOINT_TIMEOUT_S,
+    SIM_STEP_S,
     WIND_DRAG,
     YAW_GAIN,
     FlightMode,
@@ -112,7 +112,7 @@ class Single:
 
     def set_setpoint(self, index: int, setpoint: Setpoint, now_s: float) -> None:
         """Sets the setpoint of the autopilot."""
-        is_next = self.by_position[0] and now_s - self.setpoint_s[0] < 1.5 * PHYSICS_STEP_S
+        is_next = self.by_position[0] and now_s - self.setpoint_s[0] < 1.5 * SIM_STEP_S
         self.setpoint_s[0] = now_s
         self.goal_yaw_rate[0] = setpoint.yaw_rate_rad_s
         vx, vy, vz = setpoint.velocity
@@ -149,7 +149,7 @@ class Single:
             self.goal_yaw_rate[0] = 0.0
 
     def step(self, now_s: float) -> None:
-        """Moves the vehicle by one step of `PHYSICS_STEP_S`."""
+        """Moves the vehicle by one step of `SIM_STEP_S`."""
         lost_setpoints = self.mode[0] == FlightMode.GUIDED and now_s - self.setpoint_s[0] > SETPOINT_TIMEOUT_S
         if lost_setpoints and not self.is_landed[0]:
             self.set_mode(0, FlightMode.HOLD)
@@ -161,10 +161,10 @@ class Single:
         self._accelerate(command)
         limit = self.max_yaw_rate[0]
         self.yaw_rate[0] = 0.0 if self.is_landed[0] else max(-limit, min(limit, yaw_rate))
-        self.yaw[0] = (self.yaw[0] + self.yaw_rate[0] * PHYSICS_STEP_S + math.pi) % math.tau - math.pi
+        self.yaw[0] = (self.yaw[0] + self.yaw_rate[0] * SIM_STEP_S + math.pi) % math.tau - math.pi
         self._touch_ground(command, place)
         if self.is_armed[0]:
-            drain = (LANDED_DRAIN_SHARE if self.is_landed[0] else 1.0) * (100.0 * PHYSICS_STEP_S) / self.endurance_s[0]
+            drain = (LANDED_DRAIN_SHARE if self.is_landed[0] else 1.0) * (100.0 * SIM_STEP_S) / self.endurance_s[0]
             self.battery_percent[0] = max(0.0, self.battery_percent[0] - drain)
 
     def _command(self) -> tuple[Row, float]:
@@ -212,15 +212,15 @@ class Single:
         )
         # Limits the horizontal and the vertical part separately: this gives the nearest velocity within the limits,
         # which needs no more acceleration.
-        vx, vy, vz = bx + (ax + wx) * PHYSICS_STEP_S, by + (ay + wy) * PHYSICS_STEP_S, bz + (az + wz) * PHYSICS_STEP_S
+        vx, vy, vz = bx + (ax + wx) * SIM_STEP_S, by + (ay + wy) * SIM_STEP_S, bz + (az + wz) * SIM_STEP_S
         slower = max(1.0, math.hypot(vx, vy) / top)
         vx, vy, vz = vx / slower, vy / slower, max(-climb, min(climb, vz))
         if not (self.is_armed[0] and self.power[0]) and not self.is_landed[0]:  # it falls
-            vx, vy, vz = bx, by, bz - GRAVITY_M_S2 * PHYSICS_STEP_S
+            vx, vy, vz = bx, by, bz - GRAVITY_M_S2 * SIM_STEP_S
         elif not self.is_armed[0]:
             vx = vy = vz = 0.0
         self.velocity[0] = (vx, vy, vz)
-        half = PHYSICS_STEP_S / 2
+        half = SIM_STEP_S / 2
         self.position[0] = _sum(self.position[0], ((bx + vx) * half, (by + vy) * half, (bz + vz) * half))
 
     def _touch_ground(self, command: Row, place: Row) -> None:
@@ -234,7 +234,7 @@ class Single:
             self.velocity[0] = _ZERO
             x, y, _ = place
         self.position[0] = (x, y, max(z, ground))
-        self.on_ground_s[0] = self.on_ground_s[0] + PHYSICS_STEP_S if sits else 0.0
+        self.on_ground_s[0] = self.on_ground_s[0] + SIM_STEP_S if sits else 0.0
         up = z > ground + LIFT_OFF_M
         self.is_landed[0] = (self.is_landed[0] or self.on_ground_s[0] >= LANDED_AFTER_S) and not up
         self.has_flown[0] = (self.has_flown[0] or up) and is_armed

@@ -19,7 +19,7 @@ from ual_daemon import logs
 from ual_daemon.backends.engine.contained import ErrorBarrier
 from ual_daemon.backends.engine.link_watch import LinkWatch
 from ual_daemon.backends.light.painter import Painter
-from ual_daemon.backends.light.physics import NO_CONDITIONS_CODE, PHYSICS_STEP_S
+from ual_daemon.backends.light.physics import NO_CONDITIONS_CODE, SIM_STEP_S
 from ual_daemon.backends.light.settings import LightSettings
 from ual_daemon.backends.light.single import Single
 
@@ -105,7 +105,7 @@ class World:
         self.lag_s = 0.0
         """Seconds by which simulated time lags behind the speed factor."""
         self._skips_lag = skips_lag
-        self._told_lag_s = LAG_S / 2.0
+        self._reported_lag_s = LAG_S / 2.0
         self._steps = 0
         self._stepping = threading.RLock()
         self._listeners: dict[int, _Listener] = {}
@@ -119,7 +119,7 @@ class World:
 
     def now_s(self) -> float:
         """Returns the simulated seconds since the world was made."""
-        return self._steps * PHYSICS_STEP_S
+        return self._steps * SIM_STEP_S
 
     @property
     def steps(self) -> int:
@@ -192,7 +192,7 @@ class World:
             )
         with self._changed:
             self._speed_factor = speed_factor
-            self.lag_s, self._told_lag_s = 0.0, LAG_S / 2.0
+            self.lag_s, self._reported_lag_s = 0.0, LAG_S / 2.0
             self._changed.notify_all()
         with self._stepping:
             pass
@@ -211,7 +211,7 @@ class World:
                 f"duration_s: {duration_s:g} is not above 0 and at most {_LONGEST_COMMANDED_STEP_S:g}",
                 {"field": "duration_s"},
             )
-        for _ in range(max(1, round(duration_s / PHYSICS_STEP_S))):
+        for _ in range(max(1, round(duration_s / SIM_STEP_S))):
             self._step_once()
 
     @contextmanager
@@ -253,14 +253,14 @@ class World:
     def _fall_behind(self, lost_s: float) -> None:
         """Counts simulated time that will not be caught up, and tells it: each time that it has doubled."""
         self.lag_s += lost_s
-        if self.lag_s <= max(LAG_S, 0.0 if self._skips_lag else 2.0 * self._told_lag_s):
+        if self.lag_s <= max(LAG_S, 0.0 if self._skips_lag else 2.0 * self._reported_lag_s):
             return
         if self._skips_lag:
             skipped_s, self.lag_s = self.lag_s, 0.0
             self.epoch_s += skipped_s  # stamps only: the flight goes on from where it is
             logs.event(_log, logging.WARNING, "simulated_time_skipped", skipped_s=round(skipped_s, 2))
             return
-        self._told_lag_s = self.lag_s
+        self._reported_lag_s = self.lag_s
         advice = "this computer is too slow; with light.skip_lag=true the stamps skip ahead"
         logs.event(_log, logging.WARNING, "simulated_time_behind", lag_s=round(self.lag_s, 2), advice=advice)
 
@@ -281,9 +281,9 @@ class World:
                         self._changed.wait(due_s - now_s)
                         continue
                     # Catches up at most this many steps. On a computer that is too slow, simulated time falls behind.
-                    earliest_s = now_s - _MOST_LATE_STEPS * PHYSICS_STEP_S / factor
+                    earliest_s = now_s - _MOST_LATE_STEPS * SIM_STEP_S / factor
                     lost_s = max(0.0, earliest_s - due_s) * factor
-                    due_s = max(due_s, earliest_s) + PHYSICS_STEP_S / factor
+                    due_s = max(due_s, earliest_s) + SIM_STEP_S / factor
             if factor == math.inf:
                 time.sleep(0)  # lets other threads run
             elif lost_s:
@@ -291,6 +291,6 @@ class World:
             with self._stepping:
                 factor = self._speed_factor
                 if 0.0 < factor <= 1.0 and len(self._listeners) > 1:
-                    self._step_in_time(PHYSICS_STEP_S / factor)
+                    self._step_in_time(SIM_STEP_S / factor)
                 elif factor != 0.0:
                     self._step_once()

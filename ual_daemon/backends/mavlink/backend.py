@@ -90,18 +90,18 @@ class MavlinkBackend(EngineBackend[CommandLong]):
         self._discovery: Discovery | None = None
         self._receiving: ReceiveLoop | None = None
         self._pictures = HttpPictures(self._settings.picture_hosts)
-        reach = ProtocolAccess(self._last_session, self._require_session, self._post, self._run_on_loop)
-        parameters, lists = MavlinkParameters(reach), MavlinkLists(reach)
+        access = ProtocolAccess(self._last_session, self._require_session, self._post, self._run_on_loop)
+        parameters, lists = MavlinkParameters(access), MavlinkLists(access)
         self._offers = (
             parameters,
-            missions_of(reach, lists, parameters, self._fly_mission, lambda: self.snapshot().motion.position_geo),
-            fence_of(reach, lists),
-            MavlinkLogs(reach),
+            missions_of(access, lists, parameters, self._fly_mission, lambda: self.snapshot().motion.position_geo),
+            fence_of(access, lists),
+            MavlinkLogs(access),
             MavlinkCorrections(self._require_session, self._post, lambda: self._discovery, self.clock.now_s),
-            MavlinkCameras(self._cameras_found, self._now_s, reach, self._pictures, self._camera_trigger()),
-            MavlinkGimbals(self._gimbals_found, self._now_s, reach),
+            MavlinkCameras(self._cameras_found, self._now_s, access, self._pictures, self._camera_trigger()),
+            MavlinkGimbals(self._gimbals_found, self._now_s, access),
             *derived.offers(
-                Orders(reach, lambda what, command: self._command(what, lambda _: command), self._payload_messages)
+                Orders(access, lambda what, command: self._command(what, lambda _: command), self._payload_messages)
             ),
         )
 

@@ -64,17 +64,17 @@ class MavrosBackend(EngineBackend[MavrosCall]):
         self._info = VehicleInfo()
         self._has_news = False
         self._corrections = self._make_corrections(f"{self._settings.node}/{topics.RTCM}")
-        reach = MavrosAccess(
+        access = MavrosAccess(
             self._last_session, self._reached, self._give_future, self._call_slowly, self._ros, self._node
         )
-        self._services = Services(reach), Services(reach)
+        self._services = Services(access), Services(access)
         self._cameras = MavrosCameras(self._camera_means(), is_there=self._settings.has_camera_trigger)
-        beside: tuple[MavrosCorrections | MavrosCameras | Services, ...] = (
+        services: tuple[MavrosCorrections | MavrosCameras | Services, ...] = (
             self._corrections,
             self._cameras,
             *self._services,
         )
-        self._beside = [(ErrorBarrier(type(each).__name__), each) for each in beside]
+        self._payload_services = [(ErrorBarrier(type(each).__name__), each) for each in services]
         self._parameters = MavrosParameters(self._services[0])
         lists = MavrosLists(self._services[1])
         gripper = MavrosGripper(self._last_session, self._give, self._post)
@@ -83,7 +83,7 @@ class MavrosBackend(EngineBackend[MavrosCall]):
             self._parameters,
             gripper,
             self._cameras,
-            OneGimbal(MavrosGimbal(reach, self._give, self._now_s)),
+            OneGimbal(MavrosGimbal(access, self._give, self._now_s)),
             ListedFence(lists, self._known),
             ListedMissions(self._mission_access(lists)),
         )
@@ -127,8 +127,8 @@ class MavrosBackend(EngineBackend[MavrosCall]):
         )
 
     def _why_no_corrections(self) -> str:
-        is_in_reach = self._connected_session(self.clock.now_s()) is not None
-        return "" if is_in_reach else self._unreached("send corrections").message
+        is_connected = self._connected_session(self.clock.now_s()) is not None
+        return "" if is_connected else self._unreached("send corrections").message
 
     @override
     def open(self, on_update: UpdateCallback) -> None:
@@ -225,7 +225,7 @@ class MavrosBackend(EngineBackend[MavrosCall]):
         if self._loop is not None:
             now_s = self.clock.now_s()
             self._loop.step(now_s, has_news=has_news)
-            for contained, each in self._beside:
+            for contained, each in self._payload_services:
                 contained.call(each.tick, now_s)
 
     def _on_message(self, session: MavrosSession, topic: str, message: Message, now_s: float) -> None:

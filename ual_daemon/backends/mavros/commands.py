@@ -85,10 +85,10 @@ def arm_or_disarm(*, is_arming: bool) -> Command[MavrosCall]:
 
 def climb(altitude_m: float) -> Command[MavrosCall]:
     """Takes off to a height above home, as ArduPilot takes it. Its place is where it stands."""
-    place = {"min_pitch": 0.0, "yaw": 0.0, "latitude": 0.0, "longitude": 0.0}
+    unset = {"min_pitch": 0.0, "yaw": 0.0, "latitude": 0.0, "longitude": 0.0}
     shows = shows_landed(LandedState.TAKING_OFF, LandedState.IN_AIR)
     return Command(
-        "take off", MavrosCall(topics.TAKE_OFF, {**place, "altitude": altitude_m}), FLYING, shows=shows, repeat=_AGAIN
+        "take off", MavrosCall(topics.TAKE_OFF, {**unset, "altitude": altitude_m}), FLYING, shows=shows, repeat=_AGAIN
     )
 
 

@@ -60,7 +60,7 @@ class MavrosDiscovery:
         self._on_message = on_message
         self._utc_s = utc_s
         self._trouble = "MAVROS was not asked yet"
-        self._said: set[str] = set()
+        self._logged: set[str] = set()
         """Lines that were logged since the last fault-free moment."""
         self._kind: Agreement[tuple[int, ...]] | None = None
         """Its system, its firmware and its type. MAVROS tells those of the newest heartbeat."""
@@ -216,7 +216,7 @@ class MavrosDiscovery:
 
     def _set_trouble(self, why: str) -> None:
         if self._trouble and not why:
-            self._said.clear()
+            self._logged.clear()
         self._trouble = why
         if why:
             self._say(why)
@@ -224,8 +224,8 @@ class MavrosDiscovery:
     def _say(self, why: str) -> None:
         """Logs a trouble, once until all is well again: several services fail in turn while MAVROS is gone."""
         timeless = without_seconds(why)
-        if timeless not in self._said and len(self._said) < _MOST_LOGGED_TEXTS:
-            self._said.add(timeless)
+        if timeless not in self._logged and len(self._logged) < _MOST_LOGGED_TEXTS:
+            self._logged.add(timeless)
             logs.event(_log, logging.WARNING, "mavros_trouble", why=why)
 
 

@@ -29,7 +29,7 @@ class GimbalTopics:
         self._parameters = parameters
         self._attitude: GimbalAttitude | None = None
         self._problems: tuple[str, ...] = ()
-        self._said_s = -math.inf
+        self._reported_s = -math.inf
 
     @property
     def handlers(self) -> dict[str, Callable[[Message, float], None]]:
@@ -57,7 +57,7 @@ class GimbalTopics:
 
     def problems(self, now_s: float) -> Sequence[str]:
         """Returns what it has said lately that fails."""
-        return self._problems if now_s - self._said_s <= ATTITUDE_AGE_LIMIT_S else ()
+        return self._problems if now_s - self._reported_s <= ATTITUDE_AGE_LIMIT_S else ()
 
     def _on_mount(self, message: Message, now_s: float) -> None:
         if self._codec is not None and self._codec.tells_mount(self._parameters):
@@ -65,7 +65,7 @@ class GimbalTopics:
 
     def _on_device(self, message: Message, now_s: float) -> None:
         if self._codec is not None and self._codec.tells_attitude(self._parameters):
-            self._problems, self._said_s = failures_of(int(message["failure_flags"])), now_s
+            self._problems, self._reported_s = failures_of(int(message["failure_flags"])), now_s
             self._turn(int(message["flags"]), message["q"], now_s)
 
     def _turn(self, flags: int, q: Message, now_s: float) -> None:

@@ -19,7 +19,7 @@ from ual_daemon.backends.mavros import topics
 from ual_daemon.backends.rosbridge import Message
 from ual_daemon.backends.rosbridge.fields import number
 
-_UNITS_PER_DEG = 1e7
+_E7_PER_DEG = 1e7
 _GLOBAL_FRAMES = frozenset({0, 3, 5, 6, 10, 11})
 
 
@@ -91,7 +91,7 @@ class MissionTopics:
 def item_of(message: Message) -> MissionItem:
     """Returns the item of a Waypoint, whose coordinates MAVROS has made of integers."""
     frame = int(message["frame"])
-    factor = _UNITS_PER_DEG if frame in _GLOBAL_FRAMES else 1.0
+    factor = _E7_PER_DEG if frame in _GLOBAL_FRAMES else 1.0
     param1, param2, param3, param4 = (number(message[f"param{index}"]) for index in range(1, 5))
     return MissionItem(
         frame,
@@ -110,7 +110,7 @@ def item_of(message: Message) -> MissionItem:
 
 def waypoint_of(item: MissionItem) -> Message:
     """Returns the Waypoint of an item. MAVROS cuts off what is beyond an integer, so half of one is added."""
-    factor = _UNITS_PER_DEG if item.frame in _GLOBAL_FRAMES else 1.0
+    factor = _E7_PER_DEG if item.frame in _GLOBAL_FRAMES else 1.0
     x, y = (math.copysign(abs(each) + 0.5, each) / factor if each else 0.0 for each in (item.x, item.y))
     return {
         "frame": item.frame,

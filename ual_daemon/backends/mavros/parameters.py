@@ -36,9 +36,9 @@ class ParameterReader:
         parameters: dict[str, float],
         judge: Plausibility,
         on_read: Callable[[], None],
-        beside: Callable[[], tuple[str, ...]] = tuple,
+        optional: Callable[[], tuple[str, ...]] = tuple,
     ) -> None:
-        """`beside` returns the names of others that are wanted, by what was read. Each is requested until an answer
+        """`optional` returns the names of others that are wanted, by what was read. Each is requested until an answer
         comes.
         """
         self._autopilot = autopilot
@@ -50,9 +50,9 @@ class ParameterReader:
         self._queue: list[str] = []
         self._next_s = 0.0
         self._round_s = FIRST_ROUND_S
-        self._optional_asked = False
-        self._beside = beside
-        self._beside_asked_s: dict[str, float] = {}
+        self._optional_requested = False
+        self._optional = optional
+        self._optional_requested_s: dict[str, float] = {}
         """Time of the request for each of these; infinite once it was answered."""
 
     @property
@@ -84,23 +84,23 @@ class ParameterReader:
             self._next_s, self._round_s = now_s + self._round_s, min(2.0 * self._round_s, LONGEST_ROUND_S)
         else:
             # The optional ones once: MAVROS logs an error for each that the autopilot does not have.
-            self._queue = [*self._parameters, *([] if self._optional_asked else absent)]
-            self._optional_asked = True
+            self._queue = [*self._parameters, *([] if self._optional_requested else absent)]
+            self._optional_requested = True
             self._next_s = now_s + REQUEST_PERIOD_S
 
     def _new_optional(self, now_s: float) -> list[str]:
         """Returns those beside flying that were not requested lately, once all that a flight needs have come."""
-        asked_s = self._beside_asked_s
+        requested_s = self._optional_requested_s
         if self.missing:
-            asked_s.clear()  # it has booted
+            requested_s.clear()  # it has booted
             return []
-        found = [name for name in self._beside() if now_s - asked_s.get(name, -math.inf) >= REQUEST_PERIOD_S]
-        asked_s.update(dict.fromkeys(found, now_s))
+        found = [name for name in self._optional() if now_s - requested_s.get(name, -math.inf) >= REQUEST_PERIOD_S]
+        requested_s.update(dict.fromkeys(found, now_s))
         return found
 
     def _note_answered(self, name: str) -> None:
-        if name in self._beside_asked_s:
-            self._beside_asked_s[name] = math.inf
+        if name in self._optional_requested_s:
+            self._optional_requested_s[name] = math.inf
 
     def _on_values(self, names: list[str], answer: Message) -> None:
         for name, value in zip(names, answer["values"], strict=False):
@@ -114,7 +114,7 @@ class ParameterReader:
         self._note_answered(name)
         if not answer["success"]:
             self._failed.add(name)
-            is_optional = name in self._autopilot.optional_parameters or name in self._beside_asked_s
+            is_optional = name in self._autopilot.optional_parameters or name in self._optional_requested_s
             if not is_optional and self._failed.issuperset(self._autopilot.names_of(name)):
                 self._queue = []  # MAVROS has not fetched them yet: it would log an error for each
             return

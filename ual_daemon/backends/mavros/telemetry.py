@@ -163,14 +163,14 @@ class MavrosTelemetry:
             handler(message, now_s)
         return True
 
-    def set_armed(self, is_armed: bool, said_s: float, now_s: float) -> None:
+    def set_armed(self, is_armed: bool, reported_s: float, now_s: float) -> None:
         """Takes that it was armed or disarmed at a time. Autopilots move home to where they are armed."""
         if is_armed and not self.is_armed:
             self._home.discard()
             self.home_s = now_s
         elif not is_armed:
             self.home_s = math.inf
-        self.armed.set(is_armed, said_s)
+        self.armed.set(is_armed, reported_s)
 
     @property
     def measured_s(self) -> float:
@@ -267,9 +267,9 @@ class MavrosTelemetry:
             self.mode.discard()
             return
         # Not when it came: after a stall of the bridge one comes that was said before.
-        said_s = self._ordering.state_time_s(stamp_s(message), now_s)
-        self.set_armed(bool(message["armed"]), said_s, now_s)
-        self.mode.set(messages.mode(str(message["mode"]), self.autopilot), said_s)
+        reported_s = self._ordering.state_time_s(stamp_s(message), now_s)
+        self.set_armed(bool(message["armed"]), reported_s, now_s)
+        self.mode.set(messages.mode(str(message["mode"]), self.autopilot), reported_s)
 
     def _on_extended_state(self, message: Message, now_s: float) -> None:
         self.landed.set(messages.landed_state(message), now_s)

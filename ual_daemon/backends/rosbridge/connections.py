@@ -61,7 +61,7 @@ class Connections:
         """Returns whether no ping waits for long for its answer, so that what is sent is read at once. From any
         thread.
         """
-        return all(now_s - pulse.asked_s <= DOUBTFUL_PING_S for pulse in self._pulses)
+        return all(now_s - pulse.unanswered_since_s <= DOUBTFUL_PING_S for pulse in self._pulses)
 
     def flush(self) -> None:
         """Sends what waits.
@@ -90,15 +90,15 @@ class _Pulse:
 
     def __init__(self, transport: BridgeTransport, now_s: float) -> None:
         self.heard_s = now_s
-        self.asked_s = math.inf
+        self.unanswered_since_s = math.inf
         """Time of the oldest ping without an answer; infinite if all are answered."""
         self._transport = transport
-        self._heard = transport.received_count
+        self._received = transport.received_count
         self._pinged_s = -math.inf
 
     def update(self, now_s: float) -> None:
-        if self._transport.received_count != self._heard:
-            self._heard, self.heard_s, self.asked_s = self._transport.received_count, now_s, math.inf
+        if self._transport.received_count != self._received:
+            self._received, self.heard_s, self.unanswered_since_s = self._transport.received_count, now_s, math.inf
         if now_s - self._pinged_s >= PING_S:
-            self._pinged_s, self.asked_s = now_s, min(self.asked_s, now_s)
+            self._pinged_s, self.unanswered_since_s = now_s, min(self.unanswered_since_s, now_s)
             self._transport.ping()

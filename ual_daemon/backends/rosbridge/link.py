@@ -128,7 +128,7 @@ class RosbridgeLink:
         self._thread = threading.Thread(target=self._run, name=f"rosbridge {url}", daemon=True)
         self._question: Future[Message] | None = None
         self._ask_s = self._refreshed_s = -math.inf
-        self._said: set[str] = set()
+        self._logged: set[str] = set()
         self.state = RosbridgeState.CONNECTING
         self.graph: Graph | None = None
         """Graph by rosapi; None before the first answer of a connection."""
@@ -484,8 +484,8 @@ class RosbridgeLink:
 
     def _say(self, event: str, why: str) -> None:
         """Logs something once."""
-        if why not in self._said and len(self._said) < _MOST_LOGGED_CAUSES:
-            self._said.add(why)
+        if why not in self._logged and len(self._logged) < _MOST_LOGGED_CAUSES:
+            self._logged.add(why)
             logs.event(_log, logging.WARNING, event, url=str(self.url), why=why)
 
 

@@ -167,7 +167,7 @@ class WebSocket(BridgeTransport):
         """
         self._is_closed = False
         self._out = bytearray()
-        self._heard = 0
+        self._received = 0
         self._parts: list[bytes] = []
         self._is_text = True
         with self._lock:
@@ -182,7 +182,7 @@ class WebSocket(BridgeTransport):
     @property
     @override
     def received_count(self) -> int:
-        return self._heard
+        return self._received
 
     @override
     def receive(self, timeout_s: float) -> Sequence[str | bytes]:
@@ -255,7 +255,7 @@ class WebSocket(BridgeTransport):
             data = self._socket.recv(_RECEIVED_BATCH_BYTES)
         except (BlockingIOError, ssl.SSLWantReadError, ssl.SSLWantWriteError):
             return
-        self._heard += 1
+        self._received += 1
         if data:
             self._protocol.receive_data(data)
         else:

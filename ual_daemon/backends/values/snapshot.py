@@ -128,12 +128,12 @@ class EarthReference(NamedTuple):
     @property
     def home(self) -> Vector3 | None:
         """The autopilot's home in the local frame; None if that is not known."""
-        place, altitude_m, projection = self.home_geo, self.home_altitude_amsl_m, self.projection
-        if place is None or altitude_m is None or projection is None:
+        position, altitude_m, projection = self.home_geo, self.home_altitude_amsl_m, self.projection
+        if position is None or altitude_m is None or projection is None:
             return None
-        if is_zero(place.latitude_deg, place.longitude_deg):  # none was set
+        if is_zero(position.latitude_deg, position.longitude_deg):  # none was set
             return None
-        return projection.to_local(place.latitude_deg, place.longitude_deg, altitude_m)
+        return projection.to_local(position.latitude_deg, position.longitude_deg, altitude_m)
 
 
 class SevereText(NamedTuple):

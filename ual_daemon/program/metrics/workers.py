@@ -48,23 +48,23 @@ class WorkersMetrics:
         self._number = 0
         self._found: dict[int, list[MetricSample]] = {}
         """Samples of each worker's answer, by the worker's number."""
-        self._asked: Future[list[MetricSample]] = Future()
+        self._request: Future[list[MetricSample]] = Future()
 
     def samples(self) -> list[MetricSample]:
         """Returns the values of all workers, and which UAVs are not up. Waits `ANSWER_TIMEOUT_S` at most."""
-        asked: Future[list[MetricSample]] = Future()
+        request: Future[list[MetricSample]] = Future()
         try:
-            self._loop.call_soon_threadsafe(self._ask, asked)
-            return asked.result(2.0 * ANSWER_TIMEOUT_S)
+            self._loop.call_soon_threadsafe(self._ask, request)
+            return request.result(2.0 * ANSWER_TIMEOUT_S)
         except (RuntimeError, NotInTimeError):  # the loop is closed, or closes: the fleet ends
             return []
 
-    def _ask(self, asked: Future[list[MetricSample]]) -> None:
+    def _ask(self, request: Future[list[MetricSample]]) -> None:
         self._number += 1
-        self._asked, self._found = asked, {}
+        self._request, self._found = request, {}
         for worker in self._workers:
             worker.tell(ASK, self._number)
-        self._loop.call_later(ANSWER_TIMEOUT_S, self._finish, asked)
+        self._loop.call_later(ANSWER_TIMEOUT_S, self._finish, request)
         self._finish_if_complete()
 
     def on_answer(self, worker: MeteredWorker, answer: bytes) -> None:
@@ -76,11 +76,11 @@ class WorkersMetrics:
 
     def _finish_if_complete(self) -> None:
         if all(i in self._found or not worker.is_running for i, worker in enumerate(self._workers)):
-            self._finish(self._asked)
+            self._finish(self._request)
 
-    def _finish(self, asked: Future[list[MetricSample]]) -> None:
-        if asked.done():
+    def _finish(self, request: Future[list[MetricSample]]) -> None:
+        if request.done():
             return
         silent = [name for i, worker in enumerate(self._workers) if i not in self._found for name in worker.names]
         down = [MetricSample("ual_up", "", {"ns": name}, 0.0) for name in silent]
-        asked.set_result([*(each for found in self._found.values() for each in found), *down, *self._own()])
+        request.set_result([*(each for found in self._found.values() for each in found), *down, *self._own()])

@@ -123,12 +123,12 @@ class Publisher:
         """Makes what is reported at once, in pieces, and leaves time to others between two UAVs."""
         pause_s = min(_PUBLISH_PAUSE_S, period_s / 4.0 / len(self._uavs))
         for begin in range(0, len(self._uavs), _UAVS_PER_REPORT):
-            told: list[UavReport] = []
+            parts: list[UavReport] = []
             for uav in self._uavs[begin : begin + _UAVS_PER_REPORT]:
                 found = self._guard.run(partial(uav.report, self._host), _nothing)
-                told += [] if found is None else [found]
+                parts += [] if found is None else [found]
                 time.sleep(pause_s)  # a flight's thread runs meanwhile
-            yield Report(self._teller, tuple(told))
+            yield Report(self._teller, tuple(parts))
 
     def _note(self, *, is_connected: bool, why: str) -> None:
         """Logs when the network is reached, and when it is not any more."""

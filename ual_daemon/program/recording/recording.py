@@ -50,7 +50,7 @@ class UavRecording(CallObserver):
         self._info: Info | None = None
         self._info_due_ns = 0
         self._frames = FrameChanges(vehicle.ns)
-        self._look_ns = 0
+        self._check_ns = 0
         vehicle.subscribe(self._on_sample)
         vehicle.observe_setpoints(self._on_setpoint)
         if is_raw and not vehicle.observe_packets(self._on_packet):
@@ -85,8 +85,8 @@ class UavRecording(CallObserver):
     def _on_sample(self, sample: Telemetry) -> None:
         now_ns = self._clock.now_ns()
         self._recorder.put(self._telemetry.write_sample, now_ns, sample)
-        if now_ns >= self._look_ns:
-            self._look_ns = now_ns + round(FRAMES_CHECK_S * 1e9)
+        if now_ns >= self._check_ns:
+            self._check_ns = now_ns + round(FRAMES_CHECK_S * 1e9)
             frames = self._frames.due(self._vehicle.frames(), now_ns)
             if frames:
                 self._recorder.put(self._telemetry.write_frames, now_ns, frames)

@@ -78,13 +78,13 @@ class Access:
             UnauthenticatedError: The caller is not known here.
 
         """
-        given = _metadata_of(call)
+        metadata = _metadata_of(call)
         roles, is_local = self._roles(), is_this_computer(call.peer())
         caller = None
-        if AUTHORIZATION in given and (self._tokens is not None or not is_local):  # without tokens none is checked
-            caller = self._by_token(given[AUTHORIZATION], roles)
-        elif is_local and FORWARDED_FOR in given:
-            caller = self._by_gateway(given, roles)
+        if AUTHORIZATION in metadata and (self._tokens is not None or not is_local):  # without tokens none is checked
+            caller = self._by_token(metadata[AUTHORIZATION], roles)
+        elif is_local and FORWARDED_FOR in metadata:
+            caller = self._by_gateway(metadata, roles)
         elif (name := call.certificate_name()) is not None:
             caller = _by_certificate(name, roles)
         elif is_local:
@@ -95,8 +95,8 @@ class Access:
             raise self._unknown()
         return caller
 
-    def _by_token(self, given: str, roles: Roles) -> Caller:
-        secret = given[len(_BEARER) :].strip() if given.lower().startswith(_BEARER) else ""
+    def _by_token(self, token: str, roles: Roles) -> Caller:
+        secret = token[len(_BEARER) :].strip() if token.lower().startswith(_BEARER) else ""
         found = tokens.find(() if self._tokens is None else self._tokens.value, secret)
         if found is None or found.has_expired(self._now()):
             raise UnauthenticatedError(
@@ -105,14 +105,14 @@ class Access:
         return Caller(found.name, roles.tokens.get(found.name, found.role), is_named=True)
 
     @staticmethod
-    def _by_gateway(given: Mapping[str, str], roles: Roles) -> Caller:
+    def _by_gateway(metadata: Mapping[str, str], roles: Roles) -> Caller:
         """Returns the caller behind a gateway of this computer: it is trusted with what any local program could do
         itself.
         """
-        name = given.get(FORWARDED_NAME, "")
+        name = metadata.get(FORWARDED_NAME, "")
         if name and roles.local is Role.COMMANDER:
             return _by_certificate(name, roles)
-        from_here = all(map(_is_loopback, given[FORWARDED_FOR].split(",")))
+        from_here = all(map(_is_loopback, metadata[FORWARDED_FOR].split(",")))
         return Caller(LOCAL, roles.local) if from_here else Caller(NOBODY, roles.nobody)
 
     @staticmethod

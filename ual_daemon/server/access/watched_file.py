@@ -19,7 +19,7 @@ T = TypeVar("T")
 
 _log = logging.getLogger(__name__)
 
-_CHECK_PERIOD_S = 0.2
+_POLL_S = 0.2
 """Seconds between two checks whether the file has changed."""
 
 
@@ -35,23 +35,23 @@ class WatchedFile(Generic[T]):
     """
 
     def __init__(
-        self, path: Path, setting: str, parse: Callable[[bytes], T], *, is_secret: bool, look_s: float = _CHECK_PERIOD_S
+        self, path: Path, setting: str, parse: Callable[[bytes], T], *, is_secret: bool, period_s: float = _POLL_S
     ) -> None:
         self._path = path
         self._setting = setting
         self._parse = parse
         self._forbidden = (stat.S_IRWXO | stat.S_IWGRP) if is_secret else (stat.S_IWOTH | stat.S_IWGRP)
-        self._look_s = look_s
+        self._period_s = period_s
         self._signature = self._read_signature()
         self._value = self._read()
-        self._next_look_s = time.monotonic() + look_s
+        self._next_check_s = time.monotonic() + period_s
 
     @property
     def value(self) -> T:
         """Content of the file now."""
         now_s = time.monotonic()
-        if now_s >= self._next_look_s:
-            self._next_look_s = now_s + self._look_s
+        if now_s >= self._next_check_s:
+            self._next_check_s = now_s + self._period_s
             signature = self._read_signature()
             if signature != self._signature:
                 self._signature = signature

@@ -8,15 +8,7 @@ from typing import Any
 
 import grpc.aio
 
-from ual._setpoints import (
-    CLOSE_TIMEOUT_S,
-    CONTINUED_STREAM_S,
-    SETPOINTS,
-    STALE_SETPOINT_S,
-    Element,
-    StreamKind,
-    log_settled,
-)
+from ual._setpoints import CLOSE_TIMEOUT_S, SETPOINTS, STALE_SETPOINT_S, STREAM_S, Element, StreamKind, log_settled
 from ual.aio._connection import Connection
 from ual.errors import DaemonUnreachableError, UalError
 
@@ -44,7 +36,7 @@ class Setpoints:
             self._accepted_s = None
             raise failure
         now_s = asyncio.get_running_loop().time()
-        if self._accepted_s is None or now_s - self._accepted_s >= CONTINUED_STREAM_S:
+        if self._accepted_s is None or now_s - self._accepted_s >= STREAM_S:
             self._has_lost_status = False
             await self._connection.run(self._kind.single(setpoint))
             self._accepted_s = asyncio.get_running_loop().time()

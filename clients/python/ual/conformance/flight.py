@@ -152,7 +152,7 @@ class Flight:
         self.longest_silence_s = 0.0
         """The longest time for which nothing was seen of the UAV in the last check, or a command was on its way."""
         self._observer: Observer | None = None
-        self._place = Vector3()
+        self._ground = Vector3()
         self._yaw_rad = 0.0
         self._armed_s = -math.inf
 
@@ -243,7 +243,7 @@ class Flight:
     @property
     def ground(self) -> Vector3:
         """The ground where it took off."""
-        return self._place
+        return self._ground
 
     place = renamed_property(ground, "Flight.place")
 
@@ -254,7 +254,7 @@ class Flight:
 
     def goal(self, dx: float, dy: float, dz: float = 0.0, turn_rad: float = 0.0) -> Pose:
         """Returns a pose relative to `start`, in ``<ns>/odom``."""
-        p = self._place
+        p = self._ground
         return Pose.at(p.x + dx, p.y + dy, p.z + HEIGHT_M + dz, self._yaw_rad + turn_rad)
 
     def bring_to(self, states: Sequence[State]) -> None:
@@ -359,7 +359,7 @@ class Flight:
     def remember_position(self) -> None:
         """Makes the present position the one that flights stay close to."""
         odometry = self.uav.odometry()
-        self._place, self._yaw_rad = odometry.pose.position, odometry.pose.yaw_rad
+        self._ground, self._yaw_rad = odometry.pose.position, odometry.pose.yaw_rad
 
     remember_place = renamed(remember_position, "Flight.remember_place")
 

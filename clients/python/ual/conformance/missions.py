@@ -96,9 +96,9 @@ def returns_home_and_lands(flight: Flight) -> None:
     uav = flight.uav
     uav.go_to_waypoint(flight.goal(0.0, _GOAL_ASIDE_M))
     plan = uav.dry_run.return_to_launch(HEIGHT_M)
-    way_m = plan.length_m or 0.0
-    if way_m > _FARTHEST_HOME_M:
-        raise CannotRunError(f"home is far from where it flies: the way there is {way_m:.1f} m")
+    path_m = plan.length_m or 0.0
+    if path_m > _FARTHEST_HOME_M:
+        raise CannotRunError(f"home is far from where it flies: the way there is {path_m:.1f} m")
     begun = flight.position()
     task = uav.return_to_launch(HEIGHT_M, blocking=False)
     require(task.kind is TaskKind.RETURN_TO_LAUNCH, f"the task is {task.kind.name}")
@@ -112,10 +112,10 @@ def returns_home_and_lands(flight: Flight) -> None:
     require(task.wait().status is TaskStatus.SUCCEEDED, "it did not succeed")
     require(uav.state() in LANDED, f"it is {uav.state().name}, not on the ground")
     allowed_m = 1.0 + 2 * flight.tolerances.position_m
-    flown_m = (flight.position() - begun).horizontal_norm()
-    require(flown_m <= way_m + allowed_m, f"it landed {flown_m:.2f} m from where it was, the way was {way_m:.2f} m")
+    moved_m = (flight.position() - begun).horizontal_norm()
+    require(moved_m <= path_m + allowed_m, f"it landed {moved_m:.2f} m from where it was, the way was {path_m:.2f} m")
     # Else home is the position where it took off before these checks.
-    if abs(way_m - _GOAL_ASIDE_M) <= 1.0 + 2 * flight.tolerances.drift_m:
+    if abs(path_m - _GOAL_ASIDE_M) <= 1.0 + 2 * flight.tolerances.drift_m:
         off_m = (flight.position() - flight.ground).horizontal_norm()
         require(off_m <= allowed_m, f"it landed {off_m:.2f} m from where it took off")
 
@@ -127,9 +127,8 @@ def _wait_until_moving(flight: Flight) -> None:
 
 def _require_paused(flight: Flight, task: Task) -> None:
     flight.wait(_is_paused, "the pause in the telemetry")
-    flight.let_pass(
-        _REST_DELAY_S
-    )  # one that has just begun to move is slow, too, and follows the reference to its stop
+    # One that has just begun to move is slow, too, and follows the reference to its stop.
+    flight.let_pass(_REST_DELAY_S)
     flight.wait(flight.is_slow, "rest")
     flight.require_stays("while it is paused")
     info = task.info()

@@ -16,7 +16,7 @@ from ual.interface import Gimbal
 TURN_S = 15.0
 """Seconds that a gimbal may take to look elsewhere."""
 ANGLE_TOLERANCE_RAD = 0.05
-ANGLES_REPORT_S = 3.0
+REPORT_S = 3.0
 """Seconds that a gimbal may take to report its attitude."""
 
 
@@ -113,13 +113,13 @@ def _connected(flight: Flight, *abilities: GimbalAbility) -> list[tuple[GimbalIn
 
 def _tells(flight: Flight, gimbal: Gimbal) -> bool:
     """Returns whether a gimbal with a note says where it looks."""
-    end_s = flight.now_s() + ANGLES_REPORT_S
+    end_s = flight.now_s() + REPORT_S
 
     def tells() -> bool:
         return gimbal.status().angles is not None
 
     flight.wait(
-        lambda sample: tells() or sample.stamp_s >= end_s, "where it looks, or the time for it", ANGLES_REPORT_S + 10.0
+        lambda sample: tells() or sample.stamp_s >= end_s, "where it looks, or the time for it", REPORT_S + 10.0
     )
     return tells()
 

@@ -48,12 +48,12 @@ def keeps_an_uploaded_mission(flight: Flight) -> None:
     """A mission is kept as it was uploaded, is not flown while disarmed, and is removed."""
     mission = flight.uav.mission
     with _alone(flight):
-        take_off, way = TakeOff(_HEIGHT_M), _ahead(flight, _WAYPOINT_AHEAD_M, _HEIGHT_M)
-        kept = mission.upload([take_off, way])
+        take_off, waypoint = TakeOff(_HEIGHT_M), _ahead(flight, _WAYPOINT_AHEAD_M, _HEIGHT_M)
+        kept = mission.upload([take_off, waypoint])
         first, *rest = kept.items
         # PX4 needs a place for a take-off, and gets that of the UAV.
-        is_kept = isinstance(first, TakeOff) and first.altitude_m == take_off.altitude_m and rest == [way]
-        require(is_kept, f"{take_off}, {way} were read back as {kept.items}")
+        is_kept = isinstance(first, TakeOff) and first.altitude_m == take_off.altitude_m and rest == [waypoint]
+        require(is_kept, f"{take_off}, {waypoint} were read back as {kept.items}")
         require(mission.download() == kept and bool(kept.digest), f"it is not kept: {mission.download()}")
         flight.refuses(WrongStateError, mission.start, "a start while disarmed")
         flight.refuses(WrongStateError, mission.pause, "a pause of no mission")

@@ -52,8 +52,8 @@ def _fastest_m_s(samples: Sequence[Telemetry]) -> float:
     begin = next(begins)
     for end in samples:
         while end.stamp_s - begin.stamp_s >= _SPEED_OVER_S:
-            way_m = (position(end) - position(begin)).norm()
-            fastest_m_s = max(fastest_m_s, way_m / (end.stamp_s - begin.stamp_s))
+            distance_m = (position(end) - position(begin)).norm()
+            fastest_m_s = max(fastest_m_s, distance_m / (end.stamp_s - begin.stamp_s))
             begin = next(begins)
     return fastest_m_s
 

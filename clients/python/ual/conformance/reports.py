@@ -13,8 +13,8 @@ from ual.errors import InvalidArgumentError, UnknownFrameError
 from ual.geometry import IDENTITY, Quaternion, Transform, Vector3, wrap_angle
 from ual.types import State, Telemetry
 
-_TRANSFORM_TOLERANCE_M = 1e-6
-_SAMPLES_COUNT = 10
+_ROUNDING_M = 1e-6
+_SAMPLES = 10
 
 
 @check()
@@ -50,9 +50,7 @@ def telemetry_flows(flight: Flight) -> None:
     """A subscription gets samples with rising numbers and times, and none after it has ended."""
     received: list[Telemetry] = []
     with flight.uav.subscribe(received.append):
-        flight.wait(
-            lambda _: len(received) >= _SAMPLES_COUNT, f"{_SAMPLES_COUNT} samples of a second subscription", 60.0
-        )
+        flight.wait(lambda _: len(received) >= _SAMPLES, f"{_SAMPLES} samples of a second subscription", 60.0)
     count = len(received)
     for before, after in itertools.pairwise(received):
         require(after.sequence > before.sequence, "the sequence does not rise")
@@ -116,17 +114,15 @@ def a_new_frame_can_be_used(flight: Flight) -> None:
     """A frame that was added is there, transforms go both ways, and it can be moved."""
     uav, name = flight.uav, f"{flight.uav.ns}/check"
     for x in (1.0, 2.0):
-        given = Transform(Vector3(x, 2.0, 3.0), Quaternion.from_yaw(0.5), "map", name)
-        uav.add_frame(given)
+        added = Transform(Vector3(x, 2.0, 3.0), Quaternion.from_yaw(0.5), "map", name)
+        uav.add_frame(added)
         require(any(frame.frame_id == name for frame in uav.frames()), f"{name} is not listed")
         there, back = uav.transform("map", name), uav.transform(name, "map")
         require((there.frame_id, there.child_frame_id) == ("map", name), "the transform names other frames")
-        require((there.translation - given.translation).norm() <= _TRANSFORM_TOLERANCE_M, "the transform is another")
-        require(abs(wrap_angle(there.rotation.yaw_rad - 0.5)) <= _TRANSFORM_TOLERANCE_M, "the rotation is another")
+        require((there.translation - added.translation).norm() <= _ROUNDING_M, "the transform is another")
+        require(abs(wrap_angle(there.rotation.yaw_rad - 0.5)) <= _ROUNDING_M, "the rotation is another")
         point = Vector3(4.0, 5.0, 6.0)
-        require(
-            (back.apply(there.apply(point)) - point).norm() <= _TRANSFORM_TOLERANCE_M, "there and back is not the same"
-        )
+        require((back.apply(there.apply(point)) - point).norm() <= _ROUNDING_M, "there and back is not the same")
     flight.refuses(InvalidArgumentError, lambda: uav.remove_frame(f"{uav.ns}/odom"), "removing a built-in frame")
     uav.remove_frame(name)
     require(all(frame.frame_id != name for frame in uav.frames()), f"{name} is still listed")
@@ -169,16 +165,14 @@ def _require_consistent(flight: Flight, sample: Telemetry) -> None:
     require((odometry.frame_id, odometry.child_frame_id) == (f"{ns}/odom", f"{ns}/base_link"), "odometry's frames")
     require((transform.frame_id, transform.child_frame_id) == ("map", f"{ns}/base_link"), "transform's frames")
     require(odometry.stamp_s == transform.stamp_s == sample.stamp_s, "the stamps differ")
-    require(abs(odometry.pose.orientation.norm() - 1.0) <= _TRANSFORM_TOLERANCE_M, "the orientation is not a rotation")
+    require(abs(odometry.pose.orientation.norm() - 1.0) <= _ROUNDING_M, "the orientation is not a rotation")
     if sample.frame_id == odometry.frame_id:
-        require(
-            (sample.pose.position - odometry.pose.position).norm() <= _TRANSFORM_TOLERANCE_M, "pose and odometry differ"
-        )
+        require((sample.pose.position - odometry.pose.position).norm() <= _ROUNDING_M, "pose and odometry differ")
         rotated = odometry.pose.orientation.rotate(odometry.twist.linear)
-        require((rotated - sample.velocity.linear).norm() <= _TRANSFORM_TOLERANCE_M, "velocity and odometry differ")
+        require((rotated - sample.velocity.linear).norm() <= _ROUNDING_M, "velocity and odometry differ")
     to_map = flight.uav.transform("map", odometry.frame_id)
     off_m = (to_map.apply(odometry.pose.position) - transform.translation).norm()
-    require(off_m <= _TRANSFORM_TOLERANCE_M, f"transform and odometry differ by {off_m:.3g} m")
+    require(off_m <= _ROUNDING_M, f"transform and odometry differ by {off_m:.3g} m")
     require(sample.armed is (sample.state is not State.LANDED_DISARMED), "armed and state differ")
 
 

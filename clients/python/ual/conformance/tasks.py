@@ -23,9 +23,9 @@ def a_handle_reports_its_task(flight: Flight) -> None:
     task = uav.go_to_waypoint(goal, blocking=False)
     require(task.id == uav.task(task.id).id, "task() returns another task")
     flight.wait(lambda sample: sample.task is not None and sample.task.id == task.id, "the task in the telemetry")
-    seen = list(task.watch(rate_hz=20.0))
-    require(seen[-1].status is TaskStatus.SUCCEEDED, f"the last status is {seen[-1].status.name}")
-    progress = [info.progress for info in seen if info.progress is not None]
+    reports = list(task.watch(rate_hz=20.0))
+    require(reports[-1].status is TaskStatus.SUCCEEDED, f"the last status is {reports[-1].status.name}")
+    progress = [info.progress for info in reports if info.progress is not None]
     require(progress == sorted(progress), f"the progress goes back: {progress}")
     require(task.done() and task.wait().status is TaskStatus.SUCCEEDED, "it has not ended")
     require(task.wait().id == task.id, "a second wait returns another task")

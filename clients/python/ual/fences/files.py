@@ -197,8 +197,8 @@ def _circle(part: Mapping[str, Any]) -> FenceZone:
     return zone
 
 
-def _pair(place: Sequence[Any]) -> tuple[float, float]:
-    return _corner(*_numbers(place, 2, "[LATITUDE, LONGITUDE]"))
+def _pair(position: Sequence[Any]) -> tuple[float, float]:
+    return _corner(*_numbers(position, 2, "[LATITUDE, LONGITUDE]"))
 
 
 def _rally_point(point: Sequence[Any]) -> tuple[float, float, float]:
@@ -304,10 +304,10 @@ def _zones(items: Sequence[_Item]) -> Iterator[FenceZone]:
 
 def _of_corners(lines: Sequence[tuple[int, list[str]]]) -> FencePlan:
     """Reads a ``.fen``: the point to return to, then the corners, of which the last may be the first one again."""
-    places = [_converted(number, fields, _corner_fields) for number, fields in lines]
-    if not places:
+    vertices = [_converted(number, fields, _corner_fields) for number, fields in lines]
+    if not vertices:
         return FencePlan(())
-    back, *corners = places
+    back, *corners = vertices
     if len(corners) > 1 and corners[0] == corners[-1]:
         corners.pop()
     if len(corners) < 3:
@@ -321,9 +321,9 @@ def _of_corners(lines: Sequence[tuple[int, list[str]]]) -> FencePlan:
 
 
 def _of_rally_points(lines: Sequence[tuple[int, list[str]]]) -> FencePlan:
-    places = [(number, _converted(number, fields, _rally_fields)) for number, fields in lines]
-    left_out = [each for number, place in places for each in _about_rounding(f"line {number}", place[2])]
-    return FencePlan((), tuple(_rounded(place) for _, place in places), tuple(left_out))
+    points = [(number, _converted(number, fields, _rally_fields)) for number, fields in lines]
+    left_out = [each for number, position in points for each in _about_rounding(f"line {number}", position[2])]
+    return FencePlan((), tuple(_rounded(position) for _, position in points), tuple(left_out))
 
 
 def _converted(number: int, fields: list[str], convert: Callable[[list[str]], T]) -> T:

@@ -55,21 +55,21 @@ def crossing(points: Sequence[tuple[float, float]]) -> tuple[int, int] | None:
     return None
 
 
-_Place = tuple[int, int]
+_GridPoint = tuple[int, int]
 
 
-def _turn(a: _Place, b: _Place, c: _Place) -> int:
+def _turn(a: _GridPoint, b: _GridPoint, c: _GridPoint) -> int:
     """Returns to which side of the way from `a` to `b` a place lies; 0: on it."""
     area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
     return (area > 0) - (area < 0)
 
 
-def _is_between(a: _Place, b: _Place, c: _Place) -> bool:
+def _is_between(a: _GridPoint, b: _GridPoint, c: _GridPoint) -> bool:
     """Returns whether a place on the line of two others lies between them."""
     return min(a[0], b[0]) <= c[0] <= max(a[0], b[0]) and min(a[1], b[1]) <= c[1] <= max(a[1], b[1])
 
 
-def _meet(a: _Place, b: _Place, c: _Place, d: _Place) -> bool:
+def _meet(a: _GridPoint, b: _GridPoint, c: _GridPoint, d: _GridPoint) -> bool:
     """Returns whether two sides have a place in common."""
     turns = _turn(a, b, c), _turn(a, b, d), _turn(c, d, a), _turn(c, d, b)
     if turns[0] != turns[1] and turns[2] != turns[3]:
@@ -78,7 +78,7 @@ def _meet(a: _Place, b: _Place, c: _Place, d: _Place) -> bool:
     return any(not turn and _is_between(*each) for turn, each in zip(turns, ends, strict=True))
 
 
-def _turns_back(a: _Place, b: _Place, c: _Place, d: _Place) -> bool:
+def _turns_back(a: _GridPoint, b: _GridPoint, c: _GridPoint, d: _GridPoint) -> bool:
     """Returns whether two sides that share a corner lie upon each other."""
     corner, one, other = (b, a, d) if b == c else (a, b, c)
     if _turn(corner, one, other):

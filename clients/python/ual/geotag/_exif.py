@@ -64,24 +64,24 @@ def _write_focal_length(lens: cameras.CameraIntrinsics, details: dict[int, objec
     details[_BASE.FocalPlaneResolutionUnit] = _CM
 
 
-def _write_position(place: GeoPoint, taken: datetime, gps: dict[int, object]) -> None:
+def _write_position(position: GeoPoint, taken: datetime, gps: dict[int, object]) -> None:
     gps[_GPS.GPSVersionID] = b"\x02\x03\x00\x00"
     gps[_GPS.GPSMapDatum] = "WGS-84"
-    gps[_GPS.GPSLatitudeRef] = "S" if place.latitude_deg < 0.0 else "N"
-    gps[_GPS.GPSLatitude] = _degrees(place.latitude_deg)
-    gps[_GPS.GPSLongitudeRef] = "W" if place.longitude_deg < 0.0 else "E"
-    gps[_GPS.GPSLongitude] = _degrees(place.longitude_deg)
-    if place.altitude_amsl_m is not None:
-        gps[_GPS.GPSAltitudeRef] = b"\x01" if place.altitude_amsl_m < 0.0 else b"\x00"
-        gps[_GPS.GPSAltitude] = _rational(abs(place.altitude_amsl_m), 1000)
+    gps[_GPS.GPSLatitudeRef] = "S" if position.latitude_deg < 0.0 else "N"
+    gps[_GPS.GPSLatitude] = _degrees(position.latitude_deg)
+    gps[_GPS.GPSLongitudeRef] = "W" if position.longitude_deg < 0.0 else "E"
+    gps[_GPS.GPSLongitude] = _degrees(position.longitude_deg)
+    if position.altitude_amsl_m is not None:
+        gps[_GPS.GPSAltitudeRef] = b"\x01" if position.altitude_amsl_m < 0.0 else b"\x00"
+        gps[_GPS.GPSAltitude] = _rational(abs(position.altitude_amsl_m), 1000)
     seconds = IFDRational(taken.second * _MICRO + taken.microsecond, _MICRO)
     gps[_GPS.GPSTimeStamp] = (IFDRational(taken.hour, 1), IFDRational(taken.minute, 1), seconds)
     gps[_GPS.GPSDateStamp] = f"{taken:%Y:%m:%d}"
 
 
-def _write_direction(seen: Angles, gps: dict[int, object]) -> None:
+def _write_direction(direction: Angles, gps: dict[int, object]) -> None:
     gps[_GPS.GPSImgDirectionRef] = "T"
-    gps[_GPS.GPSImgDirection] = _rational(round(math.degrees(seen.heading_rad), 2) % 360.0, 100)
+    gps[_GPS.GPSImgDirection] = _rational(round(math.degrees(direction.heading_rad), 2) % 360.0, 100)
 
 
 def _rational(value: float, denominator: int = _MICRO) -> IFDRational:
@@ -98,8 +98,10 @@ def xmp(image: cameras.Image) -> bytes:
     """Returns the attitude in the tags of Pix4D, which OpenDroneMap reads; nothing where it is not known."""
     if image.camera is None:
         return b""
-    seen = angles(image.camera.pose.orientation)
-    yaw, pitch, roll = (f"{math.degrees(angle):.3f}" for angle in (seen.yaw_rad, seen.pitch_rad, seen.roll_rad))
+    direction = angles(image.camera.pose.orientation)
+    yaw, pitch, roll = (
+        f"{math.degrees(angle):.3f}" for angle in (direction.yaw_rad, direction.pitch_rad, direction.roll_rad)
+    )
     return (
         '<?xpacket begin="" id="W5M0MpCehiHzreSzNTczkc9d"?><x:xmpmeta xmlns:x="adobe:ns:meta/">'
         '<rdf:RDF xmlns:rdf="http://www.w3.org/1999/02/22-rdf-syntax-ns#">'

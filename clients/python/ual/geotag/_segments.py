@@ -10,7 +10,7 @@ from ual.errors import InvalidArgumentError
 _START = b"\xff\xd8"
 _APP0, _APP1, _LAST_APP = 0xE0, 0xE1, 0xEF
 EXIF, XMP = b"Exif\0\0", b"http://ns.adobe.com/xap/1.0/\0"
-_LARGEST_SEGMENT_BYTES = 0xFFFF - 2
+_SEGMENT_BYTES = 0xFFFF - 2
 
 
 def with_metadata(jpeg: bytes, exif: bytes, xmp: bytes) -> bytes:
@@ -45,8 +45,8 @@ def _segments(jpeg: bytes) -> Iterator[bytes]:
 
 
 def _segment(content: bytes) -> bytes:
-    if len(content) > _LARGEST_SEGMENT_BYTES:
+    if len(content) > _SEGMENT_BYTES:
         raise InvalidArgumentError(
-            f"image: it says {len(content)} bytes of itself, and at most {_LARGEST_SEGMENT_BYTES} fit in"
+            f"image: it says {len(content)} bytes of itself, and at most {_SEGMENT_BYTES} fit in"
         )
     return struct.pack(">BBH", 0xFF, _APP1, len(content) + 2) + content

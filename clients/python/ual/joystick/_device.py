@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from typing_extensions import Self
 
-_FULL_DEFLECTION_VALUE = 32767
+_FULL_AXIS_VALUE = 32767
 """SDL's value of a stick at its end; at the other end it is one more."""
 
 
@@ -73,8 +73,8 @@ class Joysticks:
         if not connected:
             raise JoystickError("no joystick is connected")
         known = ", ".join(f"{device.index} ({device.name})" for device in connected)
-        asked = "" if which is None else f"{which!r} is "
-        raise JoystickError(f"{asked}{'one of several' if found else 'none of the'} joysticks: choose one of {known}")
+        choice = "" if which is None else f"{which!r} is "
+        raise JoystickError(f"{choice}{'one of several' if found else 'none of the'} joysticks: choose one of {known}")
 
     def open(self, which: int | str | None = None) -> Gamepad:
         """Opens a joystick whose axes and buttons are known; see `find`.
@@ -182,9 +182,7 @@ class Gamepad(_Opened):
         self._require()
         axes = [self._controller.get_axis(number) for number in range(len(Axis))]
         pressed = frozenset(button for number, button in enumerate(Button) if self._controller.get_button(number))
-        named = {
-            axis.name.lower(): max(-1.0, value / _FULL_DEFLECTION_VALUE) for axis, value in zip(Axis, axes, strict=True)
-        }
+        named = {axis.name.lower(): max(-1.0, value / _FULL_AXIS_VALUE) for axis, value in zip(Axis, axes, strict=True)}
         return GamepadState(**named, pressed=pressed)
 
     @override

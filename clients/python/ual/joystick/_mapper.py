@@ -78,7 +78,7 @@ class Mapper:
     def __init__(self, guid: str, name: str, rest: RawState) -> None:
         self._guid, self._name, self._rest = guid, name, rest
         self._answers: list[str | None] = []
-        self._seen = _MovedControls()
+        self._moved = _MovedControls()
         self.note = ""
         """Why the last answer was not taken, if it was not."""
         _require_rest(rest)
@@ -94,9 +94,9 @@ class Mapper:
             return
         if not self._is_at_rest(state):
             self._compare_with_rest(state)
-        elif self._seen != _MovedControls():
-            seen, self._seen = self._seen, _MovedControls()
-            self._answer(self.question.target, seen)
+        elif self._moved != _MovedControls():
+            moved, self._moved = self._moved, _MovedControls()
+            self._answer(self.question.target, moved)
 
     def skip(self) -> None:
         """Leaves out what is requested: the device has no such axis or button."""
@@ -121,16 +121,16 @@ class Mapper:
 
     def _compare_with_rest(self, state: RawState) -> None:
         for number, (value, rest) in enumerate(zip(state.axes, self._rest.axes, strict=True)):
-            if abs(value - rest) > abs(self._seen.extremes.get(number, rest) - rest):
-                self._seen.extremes[number] = value
-        self._seen.buttons |= {number for number, is_held in enumerate(state.buttons) if is_held}
-        self._seen.hats |= {
+            if abs(value - rest) > abs(self._moved.extremes.get(number, rest) - rest):
+                self._moved.extremes[number] = value
+        self._moved.buttons |= {number for number, is_held in enumerate(state.buttons) if is_held}
+        self._moved.hats |= {
             (number, _HAT_DIRECTIONS[hat]) for number, hat in enumerate(state.hats) if hat in _HAT_DIRECTIONS
         }
 
-    def _answer(self, target: Axis | Button, seen: _MovedControls) -> None:
+    def _answer(self, target: Axis | Button, moved: _MovedControls) -> None:
         """Takes what was moved as the answer, if it is one thing and not another's."""
-        found = self._found(target, seen)
+        found = self._found(target, moved)
         if len(found) != 1:
             self.note = "two were moved at once: once more, only the one" if found else ""
         elif (used := self._user(found[0])) is not None:
@@ -138,26 +138,28 @@ class Mapper:
         else:
             self._on_answer(found[0])
 
-    def _found(self, target: Axis | Button, seen: _MovedControls) -> list[str]:
+    def _found(self, target: Axis | Button, moved: _MovedControls) -> list[str]:
         """Returns the bindings that may be meant. Some triggers are an axis and a button at once."""
-        axes = self._moved_axes(target, seen)
+        axes = self._moved_axes(target, moved)
         if isinstance(target, Axis) and (axes or not target.is_trigger):
             return axes
-        buttons = [f"b{number}" for number in sorted(seen.buttons)]
-        return buttons or [f"h{number}.{direction}" for number, direction in sorted(seen.hats)] or axes
+        buttons = [f"b{number}" for number in sorted(moved.buttons)]
+        return buttons or [f"h{number}.{direction}" for number, direction in sorted(moved.hats)] or axes
 
-    def _moved_axes(self, target: Axis | Button, seen: _MovedControls) -> list[str]:
-        ways = {number: value - self._rest.axes[number] for number, value in seen.extremes.items()}
+    def _moved_axes(self, target: Axis | Button, moved: _MovedControls) -> list[str]:
+        deflections = {number: value - self._rest.axes[number] for number, value in moved.extremes.items()}
         is_stick = isinstance(target, Axis) and not target.is_trigger
         return [
-            self._axis(number, way, is_stick=is_stick) for number, way in ways.items() if abs(way) > _MOVED_DEFLECTION
+            self._axis(number, deflection, is_stick=is_stick)
+            for number, deflection in deflections.items()
+            if abs(deflection) > _MOVED_DEFLECTION
         ]
 
-    def _axis(self, number: int, way: float, *, is_stick: bool) -> str:
+    def _axis(self, number: int, deflection: float, *, is_stick: bool) -> str:
         """Returns the binding of an axis that was moved to one side: of all of it, or of its half on that side."""
         if is_stick or abs(self._rest.axes[number]) > 0.5:
-            return f"a{number}" if way > 0.0 else f"a{number}~"
-        return f"+a{number}" if way > 0.0 else f"-a{number}"
+            return f"a{number}" if deflection > 0.0 else f"a{number}~"
+        return f"+a{number}" if deflection > 0.0 else f"-a{number}"
 
     def _user(self, binding: str) -> str | None:
         """Returns what is bound to this already, or to all of the axis of which this is a half."""

@@ -181,13 +181,13 @@ class _MissionReader:
             raise FaultError(_frame(item), item.where)
         if not self._is_placed(item):
             return neutral.TakeOff(altitude_m, above, number=item.number)
-        place = self._item_position(item)
-        if self._home is not None and _is_near(place, self._home):
+        position = self._item_position(item)
+        if self._home is not None and _is_near(position, self._home):
             return neutral.TakeOff(altitude_m, above, number=item.number)
         if self._firmware is Firmware.ARDUPILOT:
             self.left_out.append(f"item {item.number}: the place of the take-off, which ArduPilot ignores")
             return neutral.TakeOff(altitude_m, above, number=item.number)
-        return neutral.TakeOff(altitude_m, above, *place, number=item.number)
+        return neutral.TakeOff(altitude_m, above, *position, number=item.number)
 
     def _hold(self, item: FileItem) -> neutral.HoldTime:
         seconds = item.amount(1)
@@ -257,10 +257,10 @@ class _MissionReader:
 
     def _is_next_to_stop(self, item: FileItem, *, by_interval: bool) -> bool:
         at = next(index for index, each in enumerate(self._found) if each is item)
-        beside = self._found[max(0, at - 1) : at + 2]
+        neighbours = self._found[max(0, at - 1) : at + 2]
         if by_interval:
-            return any(each.command == _STOP_CAPTURE for each in beside)
-        return any(each.command == _TRIGGER_DISTANCE and each.params[0] in _NOT_GIVEN for each in beside)
+            return any(each.command == _STOP_CAPTURE for each in neighbours)
+        return any(each.command == _TRIGGER_DISTANCE and each.params[0] in _NOT_GIVEN for each in neighbours)
 
     def _capture(self, item: FileItem) -> CameraTrigger:
         self._require_none(item, 1, "chooses one of several cameras (parameter 1)")

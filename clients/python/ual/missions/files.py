@@ -96,12 +96,16 @@ def _along(route: Route) -> Mission:
     return Mission(items, route.left_out)
 
 
-def _waypoint(place: object, number: int) -> Waypoint:
+def _waypoint(position: object, number: int) -> Waypoint:
     where = f"place {number}"
-    if not isinstance(place, GeoWaypoint):
+    if not isinstance(position, GeoWaypoint):
         raise FaultError("has poses in frames; a mission needs positions on Earth")
-    if place.altitude_reference is AltitudeReference.ELLIPSOID:
+    if position.altitude_reference is AltitudeReference.ELLIPSOID:
         raise FaultError("has altitudes above the ellipsoid; a mission needs them above home or mean sea level", where)
     return Waypoint(
-        place.latitude_deg, place.longitude_deg, place.altitude_m, place.altitude_reference, number=str(number)
+        position.latitude_deg,
+        position.longitude_deg,
+        position.altitude_m,
+        position.altitude_reference,
+        number=str(number),
     )

@@ -92,8 +92,8 @@ class Followed:
 
 def conflict(found: Sequence[NetworkUav]) -> str:
     """Returns that several UAVs have one name, human-readable."""
-    places = " and ".join(each.described() for each in found)
-    return f"{len(found)} UAVs have the name {found[0].ns}: {places}. Give each a name of its own"
+    addresses = " and ".join(each.described() for each in found)
+    return f"{len(found)} UAVs have the name {found[0].ns}: {addresses}. Give each a name of its own"
 
 
 def best_address(uav: NetworkUav) -> str:

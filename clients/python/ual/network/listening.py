@@ -37,7 +37,7 @@ _ASK_S, _LONGEST_ASK_S, _ANSWER_S = 0.25, 8.0, 2.0
 _CLOSE_TIMEOUT_S = 5.0
 _MOST_PROBLEMS = 10
 """Of one publisher: none can hide what others do."""
-_MOST_QUERIED_PUBLISHERS = 8
+_MOST_QUERIES = 8
 """Publishers of which it is asked one by one. More are asked of with all others."""
 
 
@@ -271,17 +271,17 @@ class Network:
             if self._roster.update(now_s):
                 self._changed.notify_all()
             doubtful = self._roster.doubtful(now_s)
-        if asked := pauses.due(doubtful, now_s):
-            self._ask(asked)
+        if publishers := pauses.due(doubtful, now_s):
+            self._ask(publishers)
 
-    def _ask(self, asked: Collection[str]) -> None:
+    def _ask(self, publishers: Collection[str]) -> None:
         import zenoh
 
         site = self.settings.site
         about = (
             [keys.all_alive(site)]
-            if len(asked) > _MOST_QUERIED_PUBLISHERS
-            else [keys.all_alive(site, each) for each in asked]
+            if len(publishers) > _MOST_QUERIES
+            else [keys.all_alive(site, each) for each in publishers]
         )
         try:
             replies = [
@@ -293,7 +293,7 @@ class Network:
             return  # closed meanwhile
         found = [self._source(reply.ok) for reply in replies if reply.ok is not None]
         with self._changed:
-            self._roster.on_answer(asked, [each for each in found if each is not None], time.monotonic())
+            self._roster.on_answer(publishers, [each for each in found if each is not None], time.monotonic())
             self._changed.notify_all()
 
     def _on_tokens(self, samples: Sequence[zenoh.Sample]) -> None:

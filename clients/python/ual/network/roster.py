@@ -219,8 +219,8 @@ class Roster:
             if process.gone_s is None and not process.has_reported_all
         }
         named = sorted(mute, key=natural_order)[:_MOST_NAMED_PUBLISHERS]
-        told = [f"{each} shows a sign of life, and has not told of all its UAVs" for each in named]
-        return (*told, f"so do {len(mute) - len(named)} more") if len(mute) > len(named) else tuple(told)
+        texts = [f"{each} shows a sign of life, and has not told of all its UAVs" for each in named]
+        return (*texts, f"so do {len(mute) - len(named)} more") if len(mute) > len(named) else tuple(texts)
 
     def uavs(self) -> tuple[NetworkUav, ...]:
         """Returns all UAVs by name and number. One name is there more than once where several daemons tell of it."""
@@ -249,10 +249,10 @@ class Roster:
 
 
 def _uav(source: Source, process: _RosterProcess, ns: str) -> NetworkUav:
-    told, teller = process.uavs[ns], process.teller
+    uav, teller = process.uavs[ns], process.teller
     assert teller is not None
     return NetworkUav(
-        ns, source.site, source.publisher, source.instance, told.report, teller, told.heard_s, process.absent_s
+        ns, source.site, source.publisher, source.instance, uav.report, teller, uav.heard_s, process.absent_s
     )
 
 

@@ -91,8 +91,8 @@ class NetworkSettings:
         return self.certificate is not None
 
     def _require_whole_identity(self) -> None:
-        given = {name: getattr(self, name) for name in ("certificate", "key", "authority")}
-        missing = [name for name, value in given.items() if value is None]
+        files = {name: getattr(self, name) for name in ("certificate", "key", "authority")}
+        missing = [name for name, value in files.items() if value is None]
         _require(len(missing) in (0, 3), (missing or ["key"])[0], "certificate, key and authority are needed together")
 
     def _require_safe(self) -> None:

@@ -36,7 +36,7 @@ _LONG_TYPES = (7, 8, 10)
 """Types of 64 bits, which no parameter of an autopilot has."""
 _NOT_FINITE = re.compile(r"[-+]?(nan|inf)", re.IGNORECASE)
 _SPACES = re.compile(r"[ \t]+")
-_MOST_NAMED_PARAMETERS = 10
+_MOST_NAMES = 10
 _HEAD = "# Onboard parameters for Vehicle {system_id}\n#\n# Vehicle-Id Component-Id Name Value Type\n"
 
 
@@ -50,11 +50,9 @@ class OtherComponent:
     @property
     def text(self) -> str:
         """Human-readable."""
-        more = (
-            f" and {len(self.names) - _MOST_NAMED_PARAMETERS} more" if len(self.names) > _MOST_NAMED_PARAMETERS else ""
-        )
+        more = f" and {len(self.names) - _MOST_NAMES} more" if len(self.names) > _MOST_NAMES else ""
         lines = "1 line" if len(self.names) == 1 else f"{len(self.names)} lines"
-        return f"{lines} of component {self.component} ({', '.join(self.names[:_MOST_NAMED_PARAMETERS])}{more})"
+        return f"{lines} of component {self.component} ({', '.join(self.names[:_MOST_NAMES])}{more})"
 
 
 class FileValues(dict[str, float]):

@@ -102,19 +102,19 @@ class PayloadRecorder:
         for each in self._threads:
             each.join(limit_s)
 
-    def _begin(self, look: Callable[[], bool], period_s: float) -> None:
-        thread = threading.Thread(target=self._run, args=(look, period_s), name=f"carried by {self._ns}", daemon=True)
+    def _begin(self, check: Callable[[], bool], period_s: float) -> None:
+        thread = threading.Thread(target=self._run, args=(check, period_s), name=f"carried by {self._ns}", daemon=True)
         with self._lock:  # none begins once it closes
             if not self._closing.is_set():
                 thread.start()
                 self._threads.append(thread)
 
-    def _run(self, look: Callable[[], bool], period_s: float) -> None:
+    def _run(self, check: Callable[[], bool], period_s: float) -> None:
         """Looks repeatedly, as long as that says that there may be something."""
         is_on = True
         while is_on and not self._closing.wait(period_s):
             try:
-                is_on = look()
+                is_on = check()
             except NotSupportedError:  # by this backend: so it stays
                 return
             except UalError:  # what cannot be had now is requested again
@@ -134,12 +134,12 @@ class PayloadRecorder:
 
     def _watch(self, info: GimbalInfo, topic: GimbalTopic) -> bool:
         """Records where a gimbal looks, until it does not answer."""
-        place = self._position(info.frame_id)
-        if place is None:
+        position = self._position(info.frame_id)
+        if position is None:
             return True
         for status in self._gimbals[info.number].watch(_STATUS_RATE_HZ):
             if status.in_body is not None and status.stamp_s is not None:
-                looked = Transform(place, status.in_body, f"{self._ns}/base_link", info.frame_id, status.stamp_s)
+                looked = Transform(position, status.in_body, f"{self._ns}/base_link", info.frame_id, status.stamp_s)
                 self._recorder.put(topic.write, self._recorder.clock.now_ns(), looked)
             if self._closing.is_set():
                 return False

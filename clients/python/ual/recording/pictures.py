@@ -53,10 +53,10 @@ class PictureTopics:
         taken_ns = round(image.stamp_s * 1e9)
         stamp, frame_id = stamp_of(taken_ns), self._frame_id
         if image.intrinsics is not None:
-            seen = _calibration(image.intrinsics)
-            seen.timestamp.CopyFrom(stamp)
-            seen.frame_id = frame_id
-            output.write(self._calibrations, seen.SerializeToString(), entry.log_ns, taken_ns)
+            calibration = _calibration(image.intrinsics)
+            calibration.timestamp.CopyFrom(stamp)
+            calibration.frame_id = frame_id
+            output.write(self._calibrations, calibration.SerializeToString(), entry.log_ns, taken_ns)
         message = CompressedImage(timestamp=stamp, frame_id=frame_id, data=image.data, format=_FORMATS[image.format])
         output.write(self._images, message.SerializeToString(), entry.log_ns, taken_ns)
 

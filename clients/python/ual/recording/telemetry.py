@@ -71,8 +71,8 @@ class TelemetryTopics:
     def write_frames(self, output: Output, entry: Entry) -> None:
         """Writes frames, as they are reported and as viewers draw them: those of `FrameChanges.due`."""
         frames: Sequence[Frame] = entry.value
-        told = pb.ListFramesResponse(frames=[uav.frame_to_proto(frame) for frame in frames])
-        output.write(self._frames, told.SerializeToString(), entry.log_ns, entry.log_ns)
+        response = pb.ListFramesResponse(frames=[uav.frame_to_proto(frame) for frame in frames])
+        output.write(self._frames, response.SerializeToString(), entry.log_ns, entry.log_ns)
         stamp = stamp_of(entry.log_ns)
         transforms = [
             transform_of(stamp, f.parent_frame_id, f.frame_id, Pose(f.transform.translation, f.transform.rotation))
@@ -129,13 +129,15 @@ def _write_xyz(value: Vector3 | Quaternion, message: Any) -> None:  # noqa: ANN4
     message.x, message.y, message.z = value.x, value.y, value.z
 
 
-def _location(stamp: Timestamp, place: GeoPoint) -> LocationFix:
+def _location(stamp: Timestamp, location: GeoPoint) -> LocationFix:
     """Returns the position on Earth; altitudes above the ellipsoid where that is known, as viewers expect."""
-    altitude_m = place.altitude_ellipsoid_m if place.altitude_ellipsoid_m is not None else place.altitude_amsl_m
+    altitude_m = (
+        location.altitude_ellipsoid_m if location.altitude_ellipsoid_m is not None else location.altitude_amsl_m
+    )
     return LocationFix(
         timestamp=stamp,
         frame_id="",
-        latitude=place.latitude_deg,
-        longitude=place.longitude_deg,
+        latitude=location.latitude_deg,
+        longitude=location.longitude_deg,
         altitude=altitude_m or 0.0,
     )

@@ -34,11 +34,11 @@ def read(document: object, heights: Heights) -> Route:
     line = the_one(finder.lines, "lines (LineString)", others)
     if not isinstance(line, Sequence) or not line:
         raise FaultError("has a line without coordinates")
-    places = [_point(position, f"position {index}") for index, position in enumerate(line, start=1)]
+    points = [_point(position, f"position {index}") for index, position in enumerate(line, start=1)]
     left_out = [others] if others else []
     if any(isinstance(position, list) and len(position) > 3 for position in line):
         left_out.append("what follows the altitude in a position")
-    return route(places, None, heights, left_out)
+    return route(points, None, heights, left_out)
 
 
 class _Finder:

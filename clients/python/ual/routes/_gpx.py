@@ -12,19 +12,19 @@ from ual.routes._route import FaultError, Route
 
 def read(root: _xml.Element, heights: Heights) -> Route:
     """Reads the one route or track of a document. Raises `FaultError`."""
-    parts = [(way.value("name"), way) for way in root.own("rte")]
+    parts = [(of_route.value("name"), of_route) for of_route in root.own("rte")]
     parts += [(track.value("name"), segment) for track in root.own("trk") for segment in track.own("trkseg")]
     lines = [(name, line) for name, line in parts if line.own("rtept") or line.own("trkpt")]
     waypoints = counted([(len(root.own("wpt")), "waypoint")])
     has = f"{waypoints}, which have no order" if waypoints else ""
     line = the_one(lines, "routes (rte) and segments of tracks (trkseg)", has)
-    places = [_point(point) for point in (*line.own("rtept"), *line.own("trkpt"))]
+    points = [_point(point) for point in (*line.own("rtept"), *line.own("trkpt"))]
     left_out = [waypoints] if waypoints else []
     if line.name == "trkseg":
         left_out.append("the times of the track")
     if any(line.all("rpt")):
         left_out.append("the points between those of the route (Garmin's rpt)")
-    return route(places, None, heights, left_out)
+    return route(points, None, heights, left_out)
 
 
 def _point(point: _xml.Element) -> RoutePoint:

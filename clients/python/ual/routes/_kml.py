@@ -41,15 +41,15 @@ def read(root: _xml.Element, heights: Heights) -> Route:
     reference = _ABOVE.get(mode)
     if reference is None and heights.altitude_m is None:
         raise FaultError(f"has a line with altitudeMode {shown(mode)}, which is no height to fly at: {HOW}")
-    places = list(_track_points(line))
-    if not places:
+    points = list(_track_points(line))
+    if not points:
         raise FaultError("has a line without coordinates")
     left_out = [others] if others else []
     if line.name == "Track":
         left_out.append("the times of the track")
     if mode == "relativeToGround" and heights.altitude_m is None:
         left_out.append("the height of the ground: altitudes are taken as above home")
-    return route(places, reference, heights, left_out)
+    return route(points, reference, heights, left_out)
 
 
 def _tracks(root: _xml.Element) -> Iterator[tuple[str, _xml.Element]]:
@@ -70,10 +70,10 @@ def _one(line: _xml.Element, name: str) -> str:
 
 def _track_points(line: _xml.Element) -> Iterator[RoutePoint]:
     if line.name == "Track":
-        places = [(each.text.split(), each.text) for each in line.own("coord")]
+        points = [(each.text.split(), each.text) for each in line.own("coord")]
     else:
-        places = [(parts, ",".join(parts)) for parts in _tuples(_one(line, "coordinates"))]
-    for index, (parts, text) in enumerate(places, start=1):
+        points = [(parts, ",".join(parts)) for parts in _tuples(_one(line, "coordinates"))]
+    for index, (parts, text) in enumerate(points, start=1):
         where = f"place {index}"
         if len(parts) not in (2, 3):
             raise FaultError(f"{shown(text)} is not LONGITUDE,LATITUDE,ALTITUDE", where)

@@ -70,10 +70,10 @@ def other_parts(document: object) -> list[str]:
 
 def planned_home(document: object) -> tuple[float, float] | None:
     """Returns where a plan is to take off; None if it does not say."""
-    place = _mission(document).get("plannedHomePosition")
-    if not isinstance(place, list) or len(place) < 2:
+    home = _mission(document).get("plannedHomePosition")
+    if not isinstance(home, list) or len(home) < 2:
         return None
-    latitude_deg, longitude_deg = place[:2]
+    latitude_deg, longitude_deg = home[:2]
     if not (isinstance(latitude_deg, float) and isinstance(longitude_deg, float)):
         return None
     return latitude_deg, longitude_deg

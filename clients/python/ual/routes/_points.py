@@ -61,20 +61,20 @@ def counted(counts: Sequence[tuple[int, str]]) -> str:
 
 
 def route(
-    places: Sequence[RoutePoint], reference: AltitudeReference | None, heights: Heights, left_out: Sequence[str]
+    points: Sequence[RoutePoint], reference: AltitudeReference | None, heights: Heights, left_out: Sequence[str]
 ) -> Route:
     """Returns the route through places whose altitudes count from `reference`. Raises `FaultError`.
 
     Where the file does not say from what (None), the caller has to.
     """
     if heights.altitude_m is not None:
-        if any(place.altitude_m for place in places):
+        if any(point.altitude_m for point in points):
             left_out = [*left_out, f"the altitudes of the file: all is flown {heights.altitude_m:g} m above home"]
-        flat = [replace(place, altitude_m=heights.altitude_m) for place in places]
+        flat = [replace(point, altitude_m=heights.altitude_m) for point in points]
         return Route(_waypoints(flat, AltitudeReference.HOME), (), left_out)
     if reference is not None and heights.reference is not None:
         raise FaultError("says itself what its altitudes count from: leave out --reference")
-    missing = [place for place in places if place.altitude_m is None]
+    missing = [point for point in points if point.altitude_m is None]
     if missing:
         raise FaultError(f"it has no altitude: {HOW}", missing[0].where)
     wanted = reference or heights.reference
@@ -83,15 +83,15 @@ def route(
             "does not say what its altitudes count from, and many such files have the ground's: give --reference "
             f"(home, amsl or ellipsoid), or {HOW}"
         )
-    return Route(_waypoints(places, wanted), (), left_out)
+    return Route(_waypoints(points, wanted), (), left_out)
 
 
-def _waypoints(places: Sequence[RoutePoint], reference: AltitudeReference) -> list[GeoWaypoint]:
+def _waypoints(points: Sequence[RoutePoint], reference: AltitudeReference) -> list[GeoWaypoint]:
     """Returns a waypoint for each place, but one for those at the same place in a row (a track that stands still)."""
     found: list[GeoWaypoint] = []
-    for place in places:
-        altitude_m = 0.0 if place.altitude_m is None else place.altitude_m
-        waypoint = geo_waypoint(place.latitude_deg, place.longitude_deg, altitude_m, reference, place.where)
+    for point in points:
+        altitude_m = 0.0 if point.altitude_m is None else point.altitude_m
+        waypoint = geo_waypoint(point.latitude_deg, point.longitude_deg, altitude_m, reference, point.where)
         if not found or not is_same_position(found[-1], waypoint):
             found.append(waypoint)
     return found

@@ -37,8 +37,8 @@ def naming(name: str) -> Iterator[None]:
     try:
         yield
     except FaultError as fault:
-        place = f", {fault.where}:" if fault.where else ""
-        raise RouteError(f"{name}{place} {fault.text}") from None
+        prefix = f", {fault.where}:" if fault.where else ""
+        raise RouteError(f"{name}{prefix} {fault.text}") from None
 
 
 @dataclass(frozen=True, slots=True)

@@ -116,19 +116,19 @@ def require_known() -> None:
         raise InvalidArgumentError(mistake, {"field": "environment"})
 
 
-def mistake_in(given: Mapping[str, str]) -> str:
+def mistake_in(variables: Mapping[str, str]) -> str:
     """Returns what is wrong with the first variable ``UAL_...`` that neither a client nor the daemon reads.
 
     Args:
-        given: All variables that are set.
+        variables: All variables that are set.
 
     Returns:
         A message that asks which variable was meant; empty where all are known.
 
     """
     known = {*OF_CLIENTS, *OF_DAEMON}
-    others = {name.strip() for name in given.get(OTHERS_VARIABLE, "").split(",")}
-    for name in sorted(each for each in given if each.startswith(_PREFIX)):
+    others = {name.strip() for name in variables.get(OTHERS_VARIABLE, "").split(",")}
+    for name in sorted(each for each in variables if each.startswith(_PREFIX)):
         if name not in known and name not in others and not name.startswith(_OF_TESTS):
             return f"{name}: UAL reads no environment variable of this name{_did_you_mean(name, known)}"
     return ""

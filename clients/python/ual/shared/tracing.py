@@ -168,8 +168,8 @@ class Tracing:
         """
         over = self._trace.get_current_span(above)  # type: ignore[arg-type]  # as `current` returned it
         ns = (getattr(over, "attributes", None) or {}).get(_NS_ATTRIBUTE)
-        told = {**attributes, **({} if ns is None else {_NS_ATTRIBUTE: ns})}
-        span = self._tracer.start_span(name, above, attributes=told)  # type: ignore[arg-type]  # as above
+        all_attributes = {**attributes, **({} if ns is None else {_NS_ATTRIBUTE: ns})}
+        span = self._tracer.start_span(name, above, attributes=all_attributes)  # type: ignore[arg-type]  # as above
 
         def end(future: Future[Any]) -> None:
             error = None if future.cancelled() else future.exception()

@@ -62,10 +62,10 @@ def create(path: Path, data: bytes, mode: int = OWNER_PERMISSIONS) -> None:
         OSError: It is there, or cannot be written; then it is not there.
 
     """
-    beside = _temporary_path(path)
-    with _or_nothing(beside, path):
-        _write_new(beside, data, mode, is_durable=True)
-        _name_new(beside, path)
+    temporary = _temporary_path(path)
+    with _or_nothing(temporary, path):
+        _write_new(temporary, data, mode, is_durable=True)
+        _name_new(temporary, path)
         _sync(path.parent)
 
 
@@ -81,12 +81,12 @@ def writing(path: Path) -> Iterator[Path]:
     if target is None:
         yield path
         return
-    beside = _temporary_path(target, target.suffix)
-    with _or_nothing(beside, path):
-        _write_new(beside, b"", _mode_before(target), is_durable=False)
-        yield beside
-        _sync(beside)
-        beside.replace(target)
+    temporary = _temporary_path(target, target.suffix)
+    with _or_nothing(temporary, path):
+        _write_new(temporary, b"", _mode_before(target), is_durable=False)
+        yield temporary
+        _sync(temporary)
+        temporary.replace(target)
 
 
 def _target(path: Path) -> Path | None:
@@ -105,10 +105,10 @@ def _mode_before(path: Path) -> int | None:
 
 
 def _replace(path: Path, data: bytes, mode: int | None, *, is_durable: bool) -> None:
-    beside = _temporary_path(path)
-    with _or_nothing(beside, path):
-        _write_new(beside, data, mode, is_durable=is_durable)
-        beside.replace(path)
+    temporary = _temporary_path(path)
+    with _or_nothing(temporary, path):
+        _write_new(temporary, data, mode, is_durable=is_durable)
+        temporary.replace(path)
         if is_durable:
             _sync(path.parent)
 
@@ -119,7 +119,7 @@ def _temporary_path(path: Path, ending: str = ".tmp") -> Path:
 
 
 @contextmanager
-def _or_nothing(beside: Path, path: Path) -> Iterator[None]:
+def _or_nothing(temporary: Path, path: Path) -> Iterator[None]:
     """Leaves nothing beside a file. Faults name the file."""
     try:
         yield
@@ -127,7 +127,7 @@ def _or_nothing(beside: Path, path: Path) -> Iterator[None]:
         raise OSError(error.errno, error.strerror or str(error), str(path)) from None
     finally:
         with suppress(OSError):
-            beside.unlink(missing_ok=True)
+            temporary.unlink(missing_ok=True)
 
 
 def _write_new(path: Path, data: bytes, mode: int | None, *, is_durable: bool) -> None:
@@ -144,10 +144,10 @@ def _write_new(path: Path, data: bytes, mode: int | None, *, is_durable: bool) -
         os.close(handle)
 
 
-def _name_new(beside: Path, path: Path) -> None:
+def _name_new(temporary: Path, path: Path) -> None:
     """Gives a file its name, which no other may have."""
     try:
-        os.link(beside, path)
+        os.link(temporary, path)
     except FileExistsError:
         raise
     except OSError as error:
@@ -155,7 +155,7 @@ def _name_new(beside: Path, path: Path) -> None:
             raise
         if path.exists():
             raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path)) from None
-        beside.rename(path)
+        temporary.rename(path)
 
 
 def _sync(path: Path) -> None:

@@ -70,14 +70,16 @@ _REFERENCES = {each.value for each in AltitudeReference}
 
 
 def _take_off_to_proto(item: TakeOff) -> pb.TakeOffItem:
-    has_place = item.latitude_deg is not None and item.longitude_deg is not None
-    place = _position(item.latitude_deg or 0.0, item.longitude_deg or 0.0) if has_place else None
-    return pb.TakeOffItem(altitude_m=item.altitude_m, altitude_reference=_above(item.altitude_reference), place=place)
+    has_position = item.latitude_deg is not None and item.longitude_deg is not None
+    position = _position(item.latitude_deg or 0.0, item.longitude_deg or 0.0) if has_position else None
+    return pb.TakeOffItem(
+        altitude_m=item.altitude_m, altitude_reference=_above(item.altitude_reference), place=position
+    )
 
 
 def _take_off_from_proto(message: pb.TakeOffItem, number: str) -> TakeOff:
-    place = (message.place.latitude_deg, message.place.longitude_deg) if message.HasField("place") else (None, None)
-    return TakeOff(message.altitude_m, _reference(message.altitude_reference), *place, number=number)
+    position = (message.place.latitude_deg, message.place.longitude_deg) if message.HasField("place") else (None, None)
+    return TakeOff(message.altitude_m, _reference(message.altitude_reference), *position, number=number)
 
 
 def _waypoint_to_proto(item: Waypoint) -> pb.WaypointItem:
@@ -113,8 +115,8 @@ def _interest_to_proto(item: RegionOfInterest) -> pb.RegionOfInterestItem:
 
 
 def _interest_from_proto(message: pb.RegionOfInterestItem, number: str) -> RegionOfInterest:
-    place, above = message.place, _reference(message.altitude_reference)
-    return RegionOfInterest(place.latitude_deg, place.longitude_deg, message.altitude_m, above, number=number)
+    position, above = message.place, _reference(message.altitude_reference)
+    return RegionOfInterest(position.latitude_deg, position.longitude_deg, message.altitude_m, above, number=number)
 
 
 def _camera_from_proto(message: pb.CameraTriggerItem, number: str) -> CameraTrigger:

@@ -131,9 +131,9 @@ def _make_printable(message: ual_pb2.Telemetry) -> None:
 
 def _require_finite(message: ual_pb2.Telemetry) -> None:
     """Refuses places, speeds and charges that are no numbers: what shows them would fail."""
-    place, turned, speed = message.transform.translation, message.transform.rotation, message.velocity.linear
+    position, turned, speed = message.transform.translation, message.transform.rotation, message.velocity.linear
     geo, battery, task = message.position_geo, message.battery, message.task
-    numbers = [place.x, place.y, place.z, turned.x, turned.y, turned.z, turned.w, speed.x, speed.y, speed.z]
+    numbers = [position.x, position.y, position.z, turned.x, turned.y, turned.z, turned.w, speed.x, speed.y, speed.z]
     numbers += [geo.latitude_deg, geo.longitude_deg, geo.altitude_amsl_m, geo.altitude_home_m, geo.altitude_ellipsoid_m]
     numbers += [battery.remaining_percent, battery.voltage_v, battery.current_a, task.progress, task.distance_left_m]
     numbers.append(message.health.link_quality)

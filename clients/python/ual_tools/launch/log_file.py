@@ -32,7 +32,7 @@ class LogFile:
     def __init__(self, path: Path, tell: Callable[[str], None], now_s: Callable[[], float] = time.monotonic) -> None:
         self._path, self._tell, self._now_s = path, tell, now_s
         self._file: int | None = os.open(path, _APPEND, _FILE_PERMISSIONS)
-        self._look_s = now_s() + _ROTATION_CHECK_S
+        self._check_s = now_s() + _ROTATION_CHECK_S
         self._pauses = GrowingPauses()
         self._missing_count = 0
 
@@ -66,16 +66,15 @@ class LogFile:
 
     def _opened(self, now_s: float) -> int:
         """Returns the file, opened again where it was moved or removed."""
-        if self._file is not None and now_s < self._look_s and not self._missing_count:
+        if self._file is not None and now_s < self._check_s and not self._missing_count:
             return self._file
         if self._file is None or output_file.loss_of(self._path, self._file):
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            file = os.open(
-                self._path, _APPEND, _FILE_PERMISSIONS
-            )  # before the last is closed: there may be no descriptor
+            # Before the last is closed: there may be no descriptor.
+            file = os.open(self._path, _APPEND, _FILE_PERMISSIONS)
             self.close()
             self._file = file
-        self._look_s = now_s + _ROTATION_CHECK_S
+        self._check_s = now_s + _ROTATION_CHECK_S
         return self._file
 
 

@@ -23,8 +23,8 @@ class LogWatch:
     """Sees the lines of a program, and is set once one of them matches."""
 
     def __init__(self, program: Program) -> None:
-        is_asked = program.ready.condition is ReadyCondition.LOG
-        self._pattern = re.compile(program.ready.value) if is_asked else None
+        is_by_log = program.ready.condition is ReadyCondition.LOG
+        self._pattern = re.compile(program.ready.value) if is_by_log else None
         self.seen = asyncio.Event()
 
     def see(self, line: str) -> None:

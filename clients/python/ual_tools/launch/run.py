@@ -149,8 +149,8 @@ class _TeamRun:
         await asyncio.gather(
             *(each.uav.sample_now(each.address) for each in self._all.values() if each.uav and each.address)
         )
-        flown = [each for each in self._all.values() if each.uav is not None and each.uav.is_in_control]
-        await asyncio.gather(*(work(each) for each in flown))
+        flying = [each for each in self._all.values() if each.uav is not None and each.uav.is_in_control]
+        await asyncio.gather(*(work(each) for each in flying))
 
     async def _land_one(self, one: Supervisor) -> None:
         assert one.uav is not None
@@ -191,14 +191,14 @@ class _TeamRun:
         """Ends what has left the process group of its program."""
         loop = asyncio.get_running_loop()
         begun_s, number = loop.time(), signal.SIGTERM
-        asked: set[int] = set()
+        requested: set[int] = set()
         while left := descendants.all_below():
-            for pid in left - asked:
+            for pid in left - requested:
                 self._log.note(f"process {pid} was left behind: {number.name}")
                 _kill(pid, number)
-            asked |= left
+            requested |= left
             if number is signal.SIGTERM and loop.time() - begun_s > _KILL_AFTER_S:
-                number, asked = signal.SIGKILL, set()
+                number, requested = signal.SIGKILL, set()
             await asyncio.sleep(_POLL_PERIOD_S)
             descendants.reap(())
 

@@ -18,7 +18,7 @@ _PAUSES_S = (0.0, 1.0, 2.0, 4.0, 8.0)
 """Before each new start. A daemon that dies in flight is missed at once; one that dies repeatedly is given up."""
 _STABLE_RUN_S = 60.0
 """Seconds of running after which a program begins with the first pause again."""
-_WRONG_CONFIGURATION_STATUS = 2
+_CONFIG_STATUS = 2
 
 
 class Supervisor:
@@ -131,11 +131,7 @@ class Supervisor:
         self._log.note(f"{self.program.name}: {self.failure or ('ready' if is_done else 'has ended')}", is_bad=is_bad)
 
     def _is_restarted(self, status: int | None) -> bool:
-        if (
-            status is None
-            or not self.ready.is_set()
-            or (self.program.is_daemon and status == _WRONG_CONFIGURATION_STATUS)
-        ):
+        if status is None or not self.ready.is_set() or (self.program.is_daemon and status == _CONFIG_STATUS):
             return False
         if status == 0:
             return self.program.restart is Restart.ALWAYS and self.program.ready.condition is not ReadyCondition.EXIT

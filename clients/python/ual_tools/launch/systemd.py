@@ -9,7 +9,7 @@ from pathlib import Path
 from ual_tools.launch.boot import RUNTIME_DIR, CannotExpressError, landing_of, test_of
 from ual_tools.launch.team import Program, ReadyCondition, Restart, Team
 
-_LANDING_MARGIN_S = 10.0
+_LAND_MARGIN_S = 10.0
 """The landing ends by its own limit, not by that of the unit."""
 
 HARDENING = """\
@@ -126,7 +126,7 @@ def _of_user() -> str:
 
 
 def _commands(team: Team, program: Program) -> list[str]:
-    ual = _found("ual", beside=team.daemons[0].argv[0])
+    ual = _found("ual", sibling=team.daemons[0].argv[0])
     is_exit = program.ready.condition is ReadyCondition.EXIT
     first = [_found(program.argv[0], program.cwd), *program.argv[1:]]
     lines = ["Type=oneshot", "RemainAfterExit=yes"] if is_exit else ["Type=exec"]
@@ -142,7 +142,7 @@ def _commands(team: Team, program: Program) -> list[str]:
 
 def _times(team: Team, program: Program) -> list[str]:
     limit_s = (
-        max(program.stop_limit_s, team.land_limit_s + _LANDING_MARGIN_S) if program.is_daemon else program.stop_limit_s
+        max(program.stop_limit_s, team.land_limit_s + _LAND_MARGIN_S) if program.is_daemon else program.stop_limit_s
     )
     restart = Restart.NO if program.ready.condition is ReadyCondition.EXIT else program.restart
     return [
@@ -155,9 +155,9 @@ def _times(team: Team, program: Program) -> list[str]:
     ]
 
 
-def _found(name: str, cwd: Path | None = None, beside: str | None = None) -> str:
+def _found(name: str, cwd: Path | None = None, sibling: str | None = None) -> str:
     """Returns where a program is: units name it by its whole path."""
-    if beside is not None and (near := shutil.which(str(Path(beside).parent / name))):
+    if sibling is not None and (near := shutil.which(str(Path(sibling).parent / name))):
         return near
     local = str((cwd or Path()) / name) if "/" in name else name
     found = shutil.which(local)

@@ -157,17 +157,17 @@ def _uav(
     if "model" in values:
         names["model"] = values["model"].text()
     values = entry.named(names).entries()
-    beside = _chain(values.get("with"), names, directory, needs, _PROGRAM, image)
+    companions = _chain(values.get("with"), names, directory, needs, _PROGRAM, image)
     daemon = Program(
         name=ns,
         ns=ns,
         argv=(_daemon_program(), *_flags(ns, values, directory)),
         cwd=directory,
-        needs=_last(beside, needs),
+        needs=_last(companions, needs),
         ready=Ready(ReadyCondition.SERVING),
         **_ending(values, directory, image, is_daemon=True),
     )
-    return [*beside, daemon]
+    return [*companions, daemon]
 
 
 def _flags(ns: str, values: Mapping[str, Node], directory: Path) -> list[str]:
@@ -206,8 +206,8 @@ def _daemon_program() -> str:
         YamlFileError: It is not installed.
     """
     programs = [program for program in (sys.argv[0], sys.executable) if Path(program).is_absolute()]
-    beside = (Path(program).parent / "ual-daemon" for program in programs)
-    found = next(filter(None, map(shutil.which, (*map(str, beside), "ual-daemon"))), None)
+    siblings = (Path(program).parent / "ual-daemon" for program in programs)
+    found = next(filter(None, map(shutil.which, (*map(str, siblings), "ual-daemon"))), None)
     if found is None:
         raise YamlFileError("ual-daemon is not installed here: pip install ual-daemon (docs/how-to/installation.md)")
     return found

@@ -90,7 +90,7 @@ class Upstreams:
 
     def __init__(self, say: Callable[[str], None]) -> None:
         self._say = say
-        self._said: set[str] = set()
+        self._logged: set[str] = set()
         self._held: dict[str, tuple[str, str]] = {}
         """The instance that tells of each UAV, and the address."""
 
@@ -126,8 +126,8 @@ class Upstreams:
             self._tell(error.message)
 
     def _tell(self, text: str) -> None:
-        if text not in self._said:
-            self._said.add(text)
+        if text not in self._logged:
+            self._logged.add(text)
             self._say(text)
 
 

@@ -96,7 +96,7 @@ def laid_over(track: LogTrack, times_s: Sequence[float], speeds: Sequence[float]
 
 
 def placed(
-    track: LogTrack, times_s: Sequence[float], places: Sequence[Sequence[float]]
+    track: LogTrack, times_s: Sequence[float], positions: Sequence[Sequence[float]]
 ) -> tuple[LogTrack, list[float]]:
     """Returns the track moved onto places (x, y and z) of a recording, and by how much, in metres.
 
@@ -106,8 +106,8 @@ def placed(
 
     own = (track.xs, track.ys, track.heights)
     offsets = [
-        float(np.median(np.interp(track.times_s, times_s, place) - np.asarray(values)))
-        for place, values in zip(places, own, strict=True)
+        float(np.median(np.interp(track.times_s, times_s, position) - np.asarray(values)))
+        for position, values in zip(positions, own, strict=True)
     ]
     x, y, z = offsets
     moved = LogTrack(track.is_utc)
@@ -161,10 +161,10 @@ def _of_px4(file: Path) -> LogTrack:
     track = LogTrack(to_utc_us is not None)
     if local is not None:
         names = ("timestamp", "x", "y", "z", "vx", "vy", "vz", "xy_valid", "z_valid")
-        for time_us, north, east, down, *velocity, has_place, has_height in zip(
+        for time_us, north, east, down, *velocity, has_position, has_height in zip(
             *(local[name] for name in names), strict=True
         ):
-            if has_place and has_height:
+            if has_position and has_height:
                 time_s = (int(time_us) + (to_utc_us or 0)) * 1e-6
                 track.add(time_s, float(north), float(east), float(down), _norm(velocity))
     return track

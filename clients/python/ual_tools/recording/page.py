@@ -97,8 +97,8 @@ def _in_its_frame(sample: Telemetry) -> tuple[Vector3, float | None] | None:
 
 def _in_map(sample: Telemetry) -> tuple[Vector3, float | None] | None:
     """Returns the same in `map`."""
-    place, reference = positions.position(sample), positions.reference(sample)
-    return None if place is None else (place, None if reference is None else reference.position.z)
+    measured, reference = positions.position(sample), positions.reference(sample)
+    return None if measured is None else (measured, None if reference is None else reference.position.z)
 
 
 def _extend(bands: list[Band], label: str, time_s: float, state: State | None = None) -> None:
@@ -180,20 +180,20 @@ def _draw_bands(axes: Any, drawn: list[DrawnFlight]) -> None:  # noqa: ANN401  m
     used: dict[State, None] = {}
     for flight in drawn:
         for row, bands in (("state", flight.states), ("tasks", flight.tasks)):
-            place = -len(labels)
+            y = -len(labels)
             labels.append(f"{flight.ns} {row}")
             for band in bands:
                 colour = "#fdbf6f" if band.state is None else _COLOURS[band.state]
-                axes.barh(place, band.end_s - band.begin_s, 0.8, left=band.begin_s, color=colour, edgecolor="white")
+                axes.barh(y, band.end_s - band.begin_s, 0.8, left=band.begin_s, color=colour, edgecolor="white")
                 if band.state is None:
-                    axes.text(band.begin_s, place, f" {band.label.lower()}", va="center", fontsize=6, clip_on=True)
+                    axes.text(band.begin_s, y, f" {band.label.lower()}", va="center", fontsize=6, clip_on=True)
                 else:
                     used[band.state] = None
-        place = -len(labels)
+        y = -len(labels)
         labels.append(f"{flight.ns} refusals")
         for time_s, text in flight.refusals:
-            axes.plot(time_s, place, "x", color="#e31a1c", markersize=6)
-            axes.text(time_s, place, f"  {text}", va="center", fontsize=6, clip_on=True)
+            axes.plot(time_s, y, "x", color="#e31a1c", markersize=6)
+            axes.text(time_s, y, f"  {text}", va="center", fontsize=6, clip_on=True)
     axes.set_yticks([-index for index in range(len(labels))], labels, fontsize=7)
     axes.set_xlabel("time (s)")
     patches = [Patch(color=_COLOURS[state], label=state.name) for state in used]

@@ -33,10 +33,10 @@ def tracks(messages: Iterable[Message]) -> dict[str, list[Point]]:
             continue
         due_ns[message.ns] = message.log_ns + _SAMPLE_PERIOD_NS
         sample = message.telemetry()
-        place, track = sample.position_geo, found.setdefault(message.ns, [])
-        if place is None:
+        position, track = sample.position_geo, found.setdefault(message.ns, [])
+        if position is None:
             continue
-        point = Point(place.latitude_deg, place.longitude_deg, place.altitude_amsl_m, message.log_ns * 1e-9)
+        point = Point(position.latitude_deg, position.longitude_deg, position.altitude_amsl_m, message.log_ns * 1e-9)
         if not track or track[-1][:3] != point[:3]:
             track.append(point)
     return {ns: track for ns, track in found.items() if track}

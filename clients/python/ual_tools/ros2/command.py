@@ -71,10 +71,10 @@ def _parameters(session: CommandSession) -> list[str]:
         "lease": session.has_lease or session.takes_lease,
         "lease_take": session.takes_lease,
     }
-    given = {
+    values = {
         name: value if isinstance(value, (list, bool)) else str(value) for name, value in parameters.items() if value
     }
-    words = [word for name, value in given.items() for word in ("-p", f"{name}:={json.dumps(value)}")]
+    words = [word for name, value in values.items() for word in ("-p", f"{name}:={json.dumps(value)}")]
     return ["--ros-args", *words] if words else []
 
 

@@ -21,7 +21,7 @@ GGA_S = 10
 _PORTS = {"ntrip": 2101, "ntrips": 443}
 _NMEA_FIELD = 10
 """The field of a line of the caster's table that is 1 where the caster wants to be told the position."""
-_MOST_NAMED_MOUNTPOINTS = 10
+_MOST_NAMES = 10
 
 Position = Callable[[], GeoPoint | None]
 """Returns where the UAV is; None while that is not known."""
@@ -40,12 +40,12 @@ class NtripSource(CorrectionsSource):
         self._position = position
         self._gga_s = gga_s
         self._is_wanted: bool | None = bool(gga_s) if gga_s is not None else None
-        self._has_asked = gga_s is not None
+        self._has_requested = gga_s is not None
 
     @override
     def chunks(self) -> Generator[bytes, None, None]:
-        if not self._has_asked:
-            self._is_wanted, self._has_asked = self._looked_up(), True
+        if not self._has_requested:
+            self._is_wanted, self._has_requested = self._looked_up(), True
         if self._is_wanted and self._position() is None:
             raise SourceError("it wants to know where the UAV is, and that is not known yet")
         for is_version_2 in (True, False):
@@ -83,17 +83,13 @@ class NtripSource(CorrectionsSource):
             if head is None or head.status != protocol.OK:
                 return None
             lines = [line for line in connection.table() if line and line[0] == self._caster.mountpoint]
-        told = {line[_NMEA_FIELD].strip() if len(line) > _NMEA_FIELD else "" for line in lines}
-        return {"0": False, "1": True}.get(told.pop()) if len(told) == 1 else None
+        wanted = {line[_NMEA_FIELD].strip() if len(line) > _NMEA_FIELD else "" for line in lines}
+        return {"0": False, "1": True}.get(wanted.pop()) if len(wanted) == 1 else None
 
     def _require_data(self, head: Head, connection: NtripConnection) -> None:
         """Refuses an answer without corrections: for good, where the caster has no such mount point."""
         if head.is_table or head.status == protocol.MISSING:
-            names = (
-                sorted({line[0] for line in connection.table() if line})[:_MOST_NAMED_MOUNTPOINTS]
-                if head.is_table
-                else []
-            )
+            names = sorted({line[0] for line in connection.table() if line})[:_MOST_NAMES] if head.is_table else []
             has = f" (it has {', '.join(names) or 'none'})" if head.is_table else ""
             where = f"{self._caster.host}:{self._caster.port}"
             text = f"ntrip: {where} has no mount point {self._caster.mountpoint}{has}"

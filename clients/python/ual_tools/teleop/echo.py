@@ -16,7 +16,7 @@ class Echo:
     """Questions and answers of one terminal. The time is given, in seconds from anywhere."""
 
     def __init__(self) -> None:
-        self._asked_s: float | None = None
+        self._requested_s: float | None = None
         self._next_s = 0.0
         self._lag_s = 0.0
         self._is_answering = False
@@ -25,13 +25,13 @@ class Echo:
     @property
     def is_awaited(self) -> bool:
         """Whether an answer is still to come."""
-        return self._is_answering and self._asked_s is not None
+        return self._is_answering and self._requested_s is not None
 
     def asks(self, now_s: float) -> bool:
         """Returns whether the question is to be sent now, with the next picture."""
-        if self._asked_s is not None or now_s < self._next_s:
+        if self._requested_s is not None or now_s < self._next_s:
             return False
-        self._asked_s = now_s
+        self._requested_s = now_s
         return True
 
     def filtered(self, read: bytes, now_s: float) -> bytes:
@@ -48,9 +48,9 @@ class Echo:
         """Returns how long the last answer took, or the one that is awaited takes already."""
         if not self._is_answering:
             return 0.0
-        return max(self._lag_s, 0.0 if self._asked_s is None else now_s - self._asked_s)
+        return max(self._lag_s, 0.0 if self._requested_s is None else now_s - self._requested_s)
 
     def _answer(self, now_s: float) -> None:
-        if self._asked_s is not None:
-            self._lag_s = now_s - self._asked_s
-        self._is_answering, self._asked_s, self._next_s = True, None, now_s + ECHO_PERIOD_S
+        if self._requested_s is not None:
+            self._lag_s = now_s - self._requested_s
+        self._is_answering, self._requested_s, self._next_s = True, None, now_s + ECHO_PERIOD_S

@@ -73,7 +73,7 @@ class Menu:
     """Makes actions out of keys. What is dangerous needs Enter after its key: holding the key must not be enough."""
 
     def __init__(self) -> None:
-        self._asked: tuple[Action, float] | None = None
+        self._question: tuple[Action, float] | None = None
 
     def question(self, now_s: float) -> str:
         """Returns what is to be confirmed; empty if nothing is."""
@@ -82,19 +82,19 @@ class Menu:
 
     def action(self, key: bytes, now_s: float) -> Action | None:
         """Returns the action that a key requests; None if it requests none, or for one that must be confirmed."""
-        asked, self._asked = self._waiting(now_s), None
+        pending, self._question = self._waiting(now_s), None
         if key in _CONFIRM:
-            return asked
+            return pending
         action = _ACTIONS.get(key)
         if action in CONFIRMED:
-            self._asked = action, now_s
+            self._question = action, now_s
             return None
         return action
 
     def _waiting(self, now_s: float) -> Action | None:
-        if self._asked is None or now_s - self._asked[1] > CONFIRM_S:
+        if self._question is None or now_s - self._question[1] > CONFIRM_S:
             return None
-        return self._asked[0]
+        return self._question[0]
 
 
 class Keys:

@@ -90,19 +90,19 @@ def fly(pilot: Pilot, controls: Controls, say: Callable[[str], None]) -> None:
 
 
 def _fly_on_screen(pilot: Pilot, controls: Controls, suspension: _Suspension, say: Callable[[str], None]) -> None:
-    said, echo = "", Echo()
+    message, echo = "", Echo()
     try:
         with keyboard() as keys, screen() as shown:
             try:
                 _loop(pilot, controls, keys, shown, echo, suspension)
             finally:
-                said = pilot.stop()  # before the terminal is restored, which may take long
+                message = pilot.stop()  # before the terminal is restored, which may take long
                 _await_answer(keys, echo)
     except OSError:  # it takes no output any more
         raise SystemExit(_HUNG_UP_STATUS) from None
     finally:
-        if said:
-            say(said)
+        if message:
+            say(message)
 
 
 def _loop(

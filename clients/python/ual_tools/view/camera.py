@@ -26,16 +26,16 @@ class PageCamera:
     width_px: float
     height_px: float
 
-    def pixel(self, place: Vector3) -> tuple[float, float, float] | None:
+    def pixel(self, point: Vector3) -> tuple[float, float, float] | None:
         """Returns where a place is seen, in pixels from the upper left corner, and how far ahead it is, in metres.
 
         None: it is behind the camera.
         """
-        seen = self.rotation.inverse().rotate(place - self.position)
-        if seen.z < _NEAREST_DEPTH_M:
+        in_camera = self.rotation.inverse().rotate(point - self.position)
+        if in_camera.z < _NEAREST_DEPTH_M:
             return None
-        scale = self.pixels_per_m(seen.z)
-        return self.width_px / 2 + seen.x * scale, self.height_px / 2 + seen.y * scale, seen.z
+        scale = self.pixels_per_m(in_camera.z)
+        return self.width_px / 2 + in_camera.x * scale, self.height_px / 2 + in_camera.y * scale, in_camera.z
 
     def pixels_per_m(self, ahead_m: float) -> float:
         """Returns how many pixels a metre takes at a distance."""
@@ -47,17 +47,17 @@ class PageCamera:
         return self.rotation.rotate(Vector3(0.0, -1.0, 0.0))
 
 
-def framing(places: Sequence[Vector3], fov_rad: float, aspect: float) -> tuple[Vector3, Vector3]:
+def framing(positions: Sequence[Vector3], fov_rad: float, aspect: float) -> tuple[Vector3, Vector3]:
     """Returns where to put a camera so that it sees all places, and at what it looks.
 
     Args:
-        places: At least one, in metres.
+        positions: At least one, in metres.
         fov_rad: Its field of view from below to above.
         aspect: Its width by its height.
 
     """
-    low = Vector3(*(min(axis) for axis in zip(*places, strict=True)))
-    high = Vector3(*(max(axis) for axis in zip(*places, strict=True)))
+    low = Vector3(*(min(axis) for axis in zip(*positions, strict=True)))
+    high = Vector3(*(max(axis) for axis in zip(*positions, strict=True)))
     middle = (low + high) * 0.5
     radius_m = max(_LEAST_RADIUS_M, (high - low).norm() / 2.0)
     half_rad = (fov_rad if 0.0 < fov_rad < math.pi else _UNKNOWN_FOV_RAD) / 2.0

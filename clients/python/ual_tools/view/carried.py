@@ -39,7 +39,7 @@ class PayloadBoard:
         except UalError as error:
             return (("carries", f"unknown: {error.message}"),)
         self._is_empty = found == Equipment()  # a daemon reads its configuration once
-        return tuple((f"{kind} {name}", _text(*said)) for kind, name, *said in rows(found))
+        return tuple((f"{kind} {name}", _text(*values)) for kind, name, *values in rows(found))
 
 
 def _text(state: str, ordered: str, note: str) -> str:

@@ -92,8 +92,8 @@ def view(
     from ual_tools.view import show
 
     # With names, it is where these are: see `chosen_daemons`.
-    given = [session.address] if session.address and not session.ns else []
-    fleet = show.Choice((*given, *addresses), dict(models), below)
+    own_address = [session.address] if session.address and not session.ns else []
+    fleet = show.Choice((*own_address, *addresses), dict(models), below)
     show.show(session, fleet, where, control=control)
 
 

@@ -153,9 +153,9 @@ class ControlPanel:
     def _listen_to_ground(self, client: viser.ClientHandle) -> None:
         @client.scene.on_click()  # type: ignore[arg-type]
         async def _(event: viser.SceneClickEvent) -> None:
-            place = orders.on_ground(event.ray_origin, event.ray_direction, self._ground_m)
-            if self._ns and place is not None:
-                self._goal.value = (round(place.x, 2), round(place.y, 2))  # type: ignore[misc]
+            point = orders.on_ground(event.ray_origin, event.ray_direction, self._ground_m)
+            if self._ns and point is not None:
+                self._goal.value = (round(point.x, 2), round(point.y, 2))  # type: ignore[misc]
                 self._go()
 
     def _go(self) -> None:

@@ -47,46 +47,46 @@ class Tile(NamedTuple):
 class Origin:
     """Position of `map`'s origin on Earth. East is x and north is y, as near to it as a UAV flies."""
 
-    place: EarthPosition
+    position: EarthPosition
 
     @classmethod
     def of(cls, here: EarthPosition, in_map: Vector3) -> Origin:
         """Returns the origin of a `map` in which this place is there."""
         return cls(Origin(here).position_at(Vector3(-in_map.x, -in_map.y, 0.0)))
 
-    def in_map(self, place: EarthPosition, z_m: float = 0.0) -> Vector3:
+    def in_map(self, position: EarthPosition, z_m: float = 0.0) -> Vector3:
         """Returns where a place is in `map`."""
         north_m, east_m = self._metres_per_degree()
-        east_deg = math.remainder(place.longitude_deg - self.place.longitude_deg, 360.0)
-        return Vector3(east_deg * east_m, (place.latitude_deg - self.place.latitude_deg) * north_m, z_m)
+        east_deg = math.remainder(position.longitude_deg - self.position.longitude_deg, 360.0)
+        return Vector3(east_deg * east_m, (position.latitude_deg - self.position.latitude_deg) * north_m, z_m)
 
     def position_at(self, in_map: Vector3) -> EarthPosition:
         """Returns which place is there in `map`."""
         north_m, east_m = self._metres_per_degree()
-        longitude_deg = math.remainder(self.place.longitude_deg + in_map.x / east_m, 360.0)
-        return EarthPosition(self.place.latitude_deg + in_map.y / north_m, longitude_deg)
+        longitude_deg = math.remainder(self.position.longitude_deg + in_map.x / east_m, 360.0)
+        return EarthPosition(self.position.latitude_deg + in_map.y / north_m, longitude_deg)
 
     def _metres_per_degree(self) -> tuple[float, float]:
         """Returns how long a degree to the north and one to the east are here."""
-        latitude_rad = math.radians(self.place.latitude_deg)
+        latitude_rad = math.radians(self.position.latitude_deg)
         w2 = 1.0 - _ECCENTRICITY_SQUARED * math.sin(latitude_rad) ** 2
         north_m = _EQUATOR_M * (1.0 - _ECCENTRICITY_SQUARED) / w2**1.5
         east_m = _EQUATOR_M / math.sqrt(w2) * max(1e-6, math.cos(latitude_rad))
         return math.radians(north_m), math.radians(east_m)
 
 
-def tile_at(place: EarthPosition, zoom: int) -> Tile:
+def tile_at(position: EarthPosition, zoom: int) -> Tile:
     """Returns the tile in which a place is."""
     count = 1 << zoom
-    latitude_rad = math.radians(max(-_MOST_LATITUDE_DEG, min(_MOST_LATITUDE_DEG, place.latitude_deg)))
-    x = int((place.longitude_deg + 180.0) / 360.0 * count)
+    latitude_rad = math.radians(max(-_MOST_LATITUDE_DEG, min(_MOST_LATITUDE_DEG, position.latitude_deg)))
+    x = int((position.longitude_deg + 180.0) / 360.0 * count)
     y = int((1.0 - math.asinh(math.tan(latitude_rad)) / math.pi) / 2.0 * count)
     return Tile(zoom, x % count, max(0, min(count - 1, y)))
 
 
-def tiles_around(place: EarthPosition, zoom: int, count: int) -> list[Tile]:
+def tiles_around(position: EarthPosition, zoom: int, count: int) -> list[Tile]:
     """Returns the tile of a place and those around it, the nearest first: `count` to each side."""
-    middle, width = tile_at(place, zoom), 1 << zoom
+    middle, width = tile_at(position, zoom), 1 << zoom
     steps = sorted(
         ((dx, dy) for dx in range(-count, count + 1) for dy in range(-count, count + 1)),
         key=lambda step: (step[0] ** 2 + step[1] ** 2, step),

@@ -140,8 +140,8 @@ class PageFleet:
 
     def _poll(self, ns: str, member: PageMember) -> None:
         """Asks for what the telemetry does not have. What is not answered is not known."""
-        seen = self.board.watched_uavs().get(ns)
-        telemetry = None if seen is None else seen.telemetry
+        watched = self.board.watched_uavs().get(ns)
+        telemetry = None if watched is None else watched.telemetry
         with suppress(UalError):
             self._check_task(ns, member, telemetry)
         member.frames = _answer(member.uav.frames) if self.wants_frames or self.wants_gimbals else None
@@ -212,7 +212,7 @@ class Named:
         self.is_closed = threading.Event()
         self._session = session
         self._say = say
-        self._said = ""
+        self._note = ""
 
     def start(self) -> None:
         """Begins to ask, on a thread of its own."""
@@ -220,8 +220,8 @@ class Named:
 
     def refuse(self, why: str) -> None:
         """Says once why it is not shown."""
-        if without_seconds(why) != self._said:
-            self._said = without_seconds(why)
+        if without_seconds(why) != self._note:
+            self._note = without_seconds(why)
             self._say(f"{self.address}: {why}")
 
     def _ask(self) -> None:

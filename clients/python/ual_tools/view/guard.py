@@ -57,8 +57,8 @@ class Guard:
         secure = " Secure;" if self.is_tls else ""
         return f"{_cookie_name(headers)}={self.token}; Path=/; HttpOnly;{secure} SameSite=Strict"
 
-    def _is_token(self, given: str) -> bool:
-        return hmac.compare_digest(given.encode(errors="replace"), self.token.encode())
+    def _is_token(self, candidate: str) -> bool:
+        return hmac.compare_digest(candidate.encode(errors="replace"), self.token.encode())
 
 
 def is_loopback(host: str) -> bool:

@@ -28,9 +28,9 @@ class Journal:
         self._text: dict[str, str] = {}
         self._levels: dict[str, Urgency] = {}
 
-    def note_changes(self, uav: Shown, seen: WatchedUav, utc_s: float) -> None:
+    def note_changes(self, uav: Shown, watched: WatchedUav, utc_s: float) -> None:
         """Writes what has changed of a UAV since the last look."""
-        telemetry = seen.telemetry
+        telemetry = watched.telemetry
         if telemetry is None:
             return
         if uav.is_lost:

@@ -35,8 +35,8 @@ class _Box(NamedTuple):
     bottom: float
 
     def meets(self, other: _Box) -> bool:
-        is_beside = self.right <= other.left or other.right <= self.left
-        return not is_beside and abs(self.bottom - other.bottom) < _LINE_PX
+        is_apart = self.right <= other.left or other.right <= self.left
+        return not is_apart and abs(self.bottom - other.bottom) < _LINE_PX
 
 
 def laid_out(wanted: Iterable[Wanted], camera: PageCamera, fixed: Iterable[Fixed] = ()) -> dict[str, Vector3]:

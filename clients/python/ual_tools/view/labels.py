@@ -26,7 +26,7 @@ class Labels:
         self._client = client
         self._top_m = top_m
         self._drawn: dict[str, viser.LabelHandle] = {}
-        self._places: dict[str, Vector3] = {}
+        self._positions: dict[str, Vector3] = {}
 
     def update(self, uavs: Iterable[Shown], chosen: frozenset[str]) -> None:
         """Draws them as they are now."""
@@ -36,25 +36,25 @@ class Labels:
         found = sorted(uavs, key=lambda uav: (-uav.how.level, uav.ns not in chosen))[:_MOST_LABELS]
         wanted = [_wanted(uav, self._top_m(uav.ns)) for uav in found if uav.body is not None]
         texts = {each.name: each.text for each in wanted}
-        places = laid_out(wanted, camera, GROUND_LABELS)
-        for ns in self._drawn.keys() - places.keys():
+        positions = laid_out(wanted, camera, GROUND_LABELS)
+        for ns in self._drawn.keys() - positions.keys():
             self._drawn.pop(ns).remove()
-        for ns, place in places.items():
-            self._draw(ns, texts[ns], place)
+        for ns, point in positions.items():
+            self._draw(ns, texts[ns], point)
 
-    def _draw(self, ns: str, text: str, place: Vector3) -> None:
+    def _draw(self, ns: str, text: str, point: Vector3) -> None:
         handle = self._drawn.get(ns)
         if handle is None:
             path = f"/labels/{ns.replace('/', '.')}"
-            self._drawn[ns] = self._client.scene.add_label(path, text, position=xyz(place), anchor="bottom-center")
+            self._drawn[ns] = self._client.scene.add_label(path, text, position=xyz(point), anchor="bottom-center")
         else:
             if handle.text != text:
                 handle.text = text
-            if (place - self._places[ns]).norm() > _LEAST_MOVE_M:
-                handle.position = xyz(place)
+            if (point - self._positions[ns]).norm() > _LEAST_MOVE_M:
+                handle.position = xyz(point)
             else:
                 return
-        self._places[ns] = place
+        self._positions[ns] = point
 
 
 def camera_of(client: viser.ClientHandle) -> PageCamera | None:

@@ -31,7 +31,7 @@ class PageSocket(socket.socket):
         super().__init__(socket.AF_INET6 if ":" in host else socket.AF_INET)
         self._say = say
         self._has_failed = False
-        self._is_said = False
+        self._is_logged = False
         try:
             self.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             self.bind((host, port))
@@ -50,13 +50,13 @@ class PageSocket(socket.socket):
             if error.errno in _NOTHING_LEFT:
                 self._note_failure(error)
             raise
-        self._is_said = False
+        self._is_logged = False
         return accepted
 
     def _note_failure(self, error: OSError) -> None:
         self._has_failed = True
-        if not self._is_said:
-            self._is_said = True
+        if not self._is_logged:
+            self._is_logged = True
             self._say(f"browsers cannot connect ({error.strerror}): it is tried again each second")
 
     def note(self, loop: asyncio.AbstractEventLoop, context: Mapping[str, Any]) -> None:

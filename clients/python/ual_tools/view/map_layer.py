@@ -54,7 +54,7 @@ class MapLayer:
         self._origin: Origin | None = None
         self._drawn: dict[Tile | MapPicture, viser.GlbHandle] = {}
         self._retry_s: dict[Tile | MapPicture, float] = {}
-        self._said: set[str] = set()
+        self._logged: set[str] = set()
         self._count = 0
 
     @contextmanager
@@ -74,10 +74,10 @@ class MapLayer:
 
     def update(self) -> None:
         """Draws what is missing around the UAVs."""
-        seen = self._board.watched_uavs()
+        watched = self._board.watched_uavs()
         if self._origin is None:
-            self._origin = origin_of(seen)
-        middle = _middle(seen)
+            self._origin = origin_of(watched)
+        middle = _middle(watched)
         if self._origin is None or middle is None:
             return
         if isinstance(self._source, MapPicture):
@@ -117,9 +117,9 @@ class MapLayer:
                 self._drawn.pop(part).remove()
 
     def _say(self, text: str) -> None:
-        if not self._said:  # of many tiles of one server the first failure says it
+        if not self._logged:  # of many tiles of one server the first failure says it
             self._journal.write("ual view", text, time.time())
-        self._said.add(text)
+        self._logged.add(text)
 
 
 def quad(corners: Sequence[Vector3], image: Image.Image) -> trimesh.Trimesh:
@@ -130,18 +130,18 @@ def quad(corners: Sequence[Vector3], image: Image.Image) -> trimesh.Trimesh:
     return trimesh.Trimesh(np.array([xyz(corner) for corner in corners]), _FACES, visual=visual, process=False)
 
 
-def origin_of(seen: Mapping[str, WatchedUav]) -> Origin | None:
+def origin_of(watched: Mapping[str, WatchedUav]) -> Origin | None:
     """Returns where `map` is on Earth, by the first UAV that tells both."""
-    for each in seen.values():
+    for each in watched.values():
         t = each.telemetry
-        place = None if t is None else positions.position(t)
-        if t is not None and place is not None and t.position_geo is not None:
-            return Origin.of(EarthPosition(t.position_geo.latitude_deg, t.position_geo.longitude_deg), place)
+        position = None if t is None else positions.position(t)
+        if t is not None and position is not None and t.position_geo is not None:
+            return Origin.of(EarthPosition(t.position_geo.latitude_deg, t.position_geo.longitude_deg), position)
     return None
 
 
-def _middle(seen: Mapping[str, WatchedUav]) -> Vector3 | None:
+def _middle(watched: Mapping[str, WatchedUav]) -> Vector3 | None:
     """Returns the middle of all UAVs in `map`."""
-    telemetry = (each.telemetry for each in seen.values())
-    found = [place for t in telemetry if t is not None and (place := positions.position(t)) is not None]
+    telemetry = (each.telemetry for each in watched.values())
+    found = [position for t in telemetry if t is not None and (position := positions.position(t)) is not None]
     return sum(found, Vector3()) * (1.0 / len(found)) if found else None

@@ -129,7 +129,7 @@ class Page:
     def _details_of(self, ns: str, moment: Moment) -> str:
         member = self._fleet.members().get(ns)
         carried = () if member is None else member.carried.rows
-        return panel.details(moment.uavs[ns], moment.seen[ns], now_s=moment.now_s, carried=carried)
+        return panel.details(moment.uavs[ns], moment.watched[ns], now_s=moment.now_s, carried=carried)
 
     def _label(self, title: str) -> None:
         """Heads the panel by the title: that is all that is left of it where it is folded."""
@@ -174,10 +174,10 @@ class Page:
         """Turns the camera to some UAVs. Returns whether it could."""
         camera = camera_of(self._client)
         above = [(uav, uav.body.position) for uav in uavs if uav.body is not None]
-        places = [each for uav, place in above for each in (place, below(uav, place))]
-        if camera is None or not places:
+        points = [each for uav, point in above for each in (point, below(uav, point))]
+        if camera is None or not points:
             return False
-        position, look_at = framing(places, camera.fov_rad, camera.width_px / camera.height_px)
+        position, look_at = framing(points, camera.fov_rad, camera.width_px / camera.height_px)
         with self._client.atomic():
             self._client.camera.position = xyz(position)
             self._client.camera.look_at = xyz(look_at)

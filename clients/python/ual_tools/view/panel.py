@@ -39,12 +39,12 @@ def curtain(utc_s: float) -> str:
     return f"{_CURTAIN_STYLE}<div class='ual-curtain'><b>{text}</b></div>"
 
 
-def details(uav: Shown, seen: WatchedUav, *, now_s: float, carried: Sequence[tuple[str, str]] = ()) -> str:
+def details(uav: Shown, watched: WatchedUav, *, now_s: float, carried: Sequence[tuple[str, str]] = ()) -> str:
     """Returns all that is known of a UAV. Of one that is lost it says so first, and nothing stands as the present.
 
     `carried` has a line for each thing that it carries. A UAV that is lost has none: what it was is no more known.
     """
-    telemetry, age = seen.telemetry, f"telemetry {now_s - seen.since_s:.1f} s old, pose {uav.age_s:.1f} s old"
+    telemetry, age = watched.telemetry, f"telemetry {now_s - watched.since_s:.1f} s old, pose {uav.age_s:.1f} s old"
     if telemetry is None:
         return f"### {plain(uav.label)}"
     share = None if telemetry.health is None else telemetry.health.link_quality

@@ -19,7 +19,7 @@ class Moment:
 
     now_s: float
     utc_s: float
-    seen: Mapping[str, WatchedUav]
+    watched: Mapping[str, WatchedUav]
     uavs: Mapping[str, Shown]
     tracks: Mapping[str, Track]
 
@@ -36,22 +36,22 @@ class PagePicture:
 
     def update(self, now_s: float, utc_s: float) -> Moment:
         """Returns the moment. A UAV that is not on the board any more is forgotten."""
-        seen = self._board.watched_uavs()
-        self._poses.keep(seen)
-        uavs = {ns: self._shown(ns, each, now_s, utc_s) for ns, each in seen.items()}
+        watched = self._board.watched_uavs()
+        self._poses.keep(watched)
+        uavs = {ns: self._shown(ns, each, now_s, utc_s) for ns, each in watched.items()}
         self._tracks = {ns: self._tracks.get(ns) or Track() for ns in uavs}
         for ns, uav in uavs.items():
             self._tracks[ns].add(now_s, uav)
-            self._journal.note_changes(uav, seen[ns], utc_s)
-        return Moment(now_s, utc_s, seen, uavs, self._tracks)
+            self._journal.note_changes(uav, watched[ns], utc_s)
+        return Moment(now_s, utc_s, watched, uavs, self._tracks)
 
-    def _shown(self, ns: str, seen: WatchedUav, now_s: float, utc_s: float) -> Shown:
+    def _shown(self, ns: str, watched: WatchedUav, now_s: float, utc_s: float) -> Shown:
         return shown(
             ns,
-            seen,
+            watched,
             now_s=now_s,
             utc_s=utc_s,
             lost_after_s=self._board.lost_after_s,
-            pose_since_s=self._poses.since_s(ns, seen, now_s),
+            pose_since_s=self._poses.since_s(ns, watched, now_s),
             mark=palette.colour(self._numbers.setdefault(ns, len(self._numbers))),
         )

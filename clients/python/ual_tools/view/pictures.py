@@ -56,14 +56,14 @@ class _OfUav:
         self._scene = scene
         self._path = path
         self._colour = uav.mark
-        self._places = SceneSegments(scene, f"{path}/places", uav.mark)
+        self._crosses = SceneSegments(scene, f"{path}/places", uav.mark)
         self._shown: tuple[NewestPicture, Transform] | None = None
         self._frustum: viser.CameraFrustumHandle | None = None
 
     def update(self, taken: Taken, odom: Transform | None) -> None:
         poses = [each.camera or each.body for each in taken.photos]
-        places = [] if odom is None else [odom.apply(each.pose.position) for each in poses if each is not None]
-        self._places.draw([line for place in places for line in _cross(place)])
+        positions = [] if odom is None else [odom.apply(each.pose.position) for each in poses if each is not None]
+        self._crosses.draw([line for point in positions for line in _cross(point)])
         newest = taken.newest
         shown = None if newest is None or newest.photo.camera is None or odom is None else (newest, odom)
         if shown != self._shown:
@@ -95,9 +95,9 @@ class _OfUav:
         )
 
 
-def _cross(place: Vector3) -> list[Line]:
+def _cross(point: Vector3) -> list[Line]:
     arms = (Vector3(_ARM_M), Vector3(0.0, _ARM_M), Vector3(0.0, 0.0, _ARM_M))
-    return [(place - arm, place + arm) for arm in arms]
+    return [(point - arm, point + arm) for arm in arms]
 
 
 def _view(lens: CameraIntrinsics | None) -> tuple[float, float]:

@@ -49,10 +49,10 @@ def draw_ground(scene: viser.SceneApi) -> None:
     scene.add_grid("/ground", infinite_grid=True, cell_size=1.0, section_size=10.0, fade_distance=150.0)
     arrow = [((0, 0, 0), (0, 3, 0)), ((0, 3, 0), (0.25, 2.5, 0)), ((0, 3, 0), (-0.25, 2.5, 0))]
     scene.add_line_segments("/north", np.array(arrow, np.float32), _BLACK, thickness=3.0, thickness_units="screen")
-    for text, place in GROUND_LABELS:
+    for text, point in GROUND_LABELS:
         scale = 1.0 if text == "N" else 0.7
         path = f"/scale/{text}"
-        scene.add_label(path, text, position=xyz(place), anchor="center-center", font_screen_scale=scale)
+        scene.add_label(path, text, position=xyz(point), anchor="center-center", font_screen_scale=scale)
 
 
 class Scene:
@@ -66,11 +66,11 @@ class Scene:
     """
 
     def __init__(
-        self, scene: viser.SceneApi, model_of: Callable[[str], str], way_of: Callable[[str], Sequence[Vector3]]
+        self, scene: viser.SceneApi, model_of: Callable[[str], str], path_of: Callable[[str], Sequence[Vector3]]
     ) -> None:
         self._scene = scene
         self._model_of = model_of
-        self._way_of = way_of
+        self._path_of = path_of
         self._numbers: dict[str, int] = {}
         self._squadrons = {name: Squadron(scene, f"/models/{name}", make()) for name, make in MODELS.items()}
         self._homes = Batch(scene, "/homes", models.helipad())
@@ -86,17 +86,17 @@ class Scene:
             squadron.update([uav for ns, uav in moment.uavs.items() if names[ns] == name])
         homes = [Pose(uav.odom.translation, uav.odom.rotation) for uav in moment.uavs.values() if uav.odom is not None]
         self._homes.draw(homes, [_GHOST] * len(homes))
-        ways = {ns: () if uav.is_lost else self._way_of(ns) for ns, uav in moment.uavs.items()}
-        goals = [Pose(way[-1]) for way in ways.values() if way]
+        paths = {ns: () if uav.is_lost else self._path_of(ns) for ns, uav in moment.uavs.items()}
+        goals = [Pose(waypoints[-1]) for waypoints in paths.values() if waypoints]
         self._goals.draw(goals, [_ORANGE] * len(goals))
         self._drops.draw(moment.uavs.values())
-        self._draw_marks(moment, ways)
+        self._draw_marks(moment, paths)
 
     def top_m(self, ns: str) -> float:
         """Returns how far above a UAV its label is."""
         return self._squadrons[self._model_of(ns)].model.top_m
 
-    def _draw_marks(self, moment: Moment, ways: Mapping[str, Sequence[Vector3]]) -> None:
+    def _draw_marks(self, moment: Moment, paths: Mapping[str, Sequence[Vector3]]) -> None:
         for ns in self._marks.keys() - moment.uavs.keys():
             self._marks.pop(ns).remove()
         most = max(_FEWEST_PIECES, _ALL_PIECES // max(1, len(moment.uavs)))
@@ -105,7 +105,7 @@ class Scene:
                 # A UAV that is back gets its old path: viser remembers each path that was ever used.
                 path = f"/uav/{self._numbers.setdefault(ns, len(self._numbers))}"
                 self._marks[ns] = Marks(self._scene, path, uav.mark)
-            self._marks[ns].update(uav, moment.tracks[ns].trail()[-most:], ways[ns], most // 2)
+            self._marks[ns].update(uav, moment.tracks[ns].trail()[-most:], paths[ns], most // 2)
 
 
 class Squadron:
@@ -134,9 +134,9 @@ class Squadron:
     def _turned(self, uav: Shown, body: Pose) -> Iterator[Pose]:
         """Returns where its propellers are; neighbours turn in opposite directions, and none while it is disarmed."""
         angle_rad = self._angle_rad if uav.is_armed else 0.0
-        place = Transform(body.position, body.orientation)
+        in_map = Transform(body.position, body.orientation)
         for i, hub in enumerate(self.model.hubs):
-            yield place.apply_pose(Pose(Vector3(*hub), Quaternion.from_yaw(angle_rad * (-1) ** i)))
+            yield in_map.apply_pose(Pose(Vector3(*hub), Quaternion.from_yaw(angle_rad * (-1) ** i)))
 
 
 class Batch:
@@ -192,16 +192,16 @@ class Marks:
     def __init__(self, scene: viser.SceneApi, path: str, colour: Colour) -> None:
         self._root = scene.add_frame(path, show_axes=False)
         self._trail = SceneSegments(scene, f"{path}/trail", colour)
-        self._way = SceneSegments(scene, f"{path}/way", _ORANGE)
+        self._path_ahead = SceneSegments(scene, f"{path}/way", _ORANGE)
         self._count = 0
 
-    def update(self, uav: Shown, trail: list[Line], way: Sequence[Vector3], most: int) -> None:
+    def update(self, uav: Shown, trail: list[Line], waypoints: Sequence[Vector3], most: int) -> None:
         """Draws them as they are now: at most so many pieces of the way, those ahead of it."""
         self._count += 1
         if self._count % _PICTURES_PER_TRAIL:
             return
         self._trail.draw(trail)
-        self._way.draw(list(pairwise(_ahead(way, uav.body, most))))
+        self._path_ahead.draw(list(pairwise(_ahead(waypoints, uav.body, most))))
 
     def remove(self) -> None:
         """Takes them out of the scene."""
@@ -221,7 +221,7 @@ class Drops:
         """Draws them as they are now."""
         drawn = [(uav, uav.body.position) for uav in uavs if uav.body is not None]
         marks = [GREY if uav.is_lost else uav.mark for uav, _ in drawn]
-        lines = [(place, below(uav, place)) for uav, place in drawn]
+        lines = [(point, below(uav, point)) for uav, point in drawn]
         if self._handle is None or marks != self._marks:
             self._make(lines, marks)
         elif not all((a - b).norm() < _NEAR_M for (a, _), (b, _) in zip(lines, self._lines, strict=True)):
@@ -243,9 +243,9 @@ class Drops:
             )
 
 
-def below(uav: Shown, place: Vector3) -> Vector3:
+def below(uav: Shown, point: Vector3) -> Vector3:
     """Returns the place on the ground of a UAV's home that is straight below another one."""
-    return Vector3(place.x, place.y, 0.0 if uav.odom is None else uav.odom.translation.z)
+    return Vector3(point.x, point.y, 0.0 if uav.odom is None else uav.odom.translation.z)
 
 
 class SceneSegments:
@@ -273,9 +273,9 @@ def points(lines: Sequence[tuple[Vector3, Vector3]]) -> Points:
     return np.array([(xyz(a), xyz(b)) for a, b in lines], np.float32)
 
 
-def xyz(place: Vector3) -> tuple[float, float, float]:
+def xyz(point: Vector3) -> tuple[float, float, float]:
     """Returns a place as viser takes it."""
-    return place.x, place.y, place.z
+    return point.x, point.y, point.z
 
 
 def wxyz(rotation: Quaternion) -> tuple[float, float, float, float]:
@@ -283,13 +283,13 @@ def wxyz(rotation: Quaternion) -> tuple[float, float, float, float]:
     return rotation.w, rotation.x, rotation.y, rotation.z
 
 
-def _ahead(way: Sequence[Vector3], body: Pose | None, most: int) -> Sequence[Vector3]:
+def _ahead(waypoints: Sequence[Vector3], body: Pose | None, most: int) -> Sequence[Vector3]:
     """Returns the part of a way that begins where the UAV is, in at most so many pieces."""
-    if len(way) <= most + 1:
-        return way
-    nearest = 0 if body is None else min(range(len(way)), key=lambda i: (way[i] - body.position).norm())
-    begin = max(0, min(nearest - 1, len(way) - 1 - most))
-    return way[begin : begin + most + 1]
+    if len(waypoints) <= most + 1:
+        return waypoints
+    nearest = 0 if body is None else min(range(len(waypoints)), key=lambda i: (waypoints[i] - body.position).norm())
+    begin = max(0, min(nearest - 1, len(waypoints) - 1 - most))
+    return waypoints[begin : begin + most + 1]
 
 
 def _positions(poses: Sequence[Pose]) -> Points:

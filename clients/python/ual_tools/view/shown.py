@@ -62,7 +62,7 @@ class Shown:
 
 def shown(
     ns: str,
-    seen: WatchedUav,
+    watched: WatchedUav,
     *,
     now_s: float,
     utc_s: float,
@@ -74,7 +74,7 @@ def shown(
 
     Args:
         ns: Its name.
-        seen: What is known of it.
+        watched: What is known of it.
         now_s: The monotonic time.
         utc_s: The same moment since 1970.
         lost_after_s: How old the telemetry and the pose may be to be the present.
@@ -82,11 +82,11 @@ def shown(
         mark: Its own colour.
 
     """
-    telemetry = seen.telemetry
-    since_s = seen.since_s if pose_since_s is None else pose_since_s
+    telemetry = watched.telemetry
+    since_s = watched.since_s if pose_since_s is None else pose_since_s
     age_s = now_s - since_s
-    lost = _lost_text(seen, since_s, now_s=now_s, utc_s=utc_s, lost_after_s=lost_after_s)
-    how = UavCondition(Urgency.ALARM, "LOST", lost, lost) if lost else condition.uav_condition(seen, now_s, math.inf)
+    lost = _lost_text(watched, since_s, now_s=now_s, utc_s=utc_s, lost_after_s=lost_after_s)
+    how = UavCondition(Urgency.ALARM, "LOST", lost, lost) if lost else condition.uav_condition(watched, now_s, math.inf)
     if telemetry is None:
         return Shown(ns, f"{ns}: {lost or 'no telemetry yet'}", GREY, how, mark=mark)
     body, odom = positions.body(telemetry), positions.odom(telemetry)
@@ -118,9 +118,9 @@ def clock_text(utc_s: float) -> str:
     return f"{datetime.fromtimestamp(utc_s, timezone.utc):%H:%M:%S} UTC"
 
 
-def _lost_text(seen: WatchedUav, pose_since_s: float, *, now_s: float, utc_s: float, lost_after_s: float) -> str:
+def _lost_text(watched: WatchedUav, pose_since_s: float, *, now_s: float, utc_s: float, lost_after_s: float) -> str:
     """Returns since when the UAV is lost, and why; nothing while its sample may be taken for the present."""
-    what, since_s, t = problem(seen, now_s, lost_after_s), seen.since_s, seen.telemetry
+    what, since_s, t = problem(watched, now_s, lost_after_s), watched.since_s, watched.telemetry
     if not what and t is not None and now_s - pose_since_s >= lost_after_s:
         # The daemon does not hear the autopilot, and sends again what it knew last.
         since_s = pose_since_s

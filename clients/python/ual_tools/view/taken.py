@@ -35,7 +35,7 @@ class Taken:
         self.newest: NewestPicture | None = None
         self._kept: deque[Photo] = deque(maxlen=MOST_PLACES)
         self._new: defaultdict[int, NewPhotos] = defaultdict(NewPhotos)
-        self._asked_for: tuple[int, Photo] | None = None
+        self._requested: tuple[int, Photo] | None = None
         """The camera and the picture whose bytes were requested last."""
         self._late_count = 0
         """Times that the bytes of the picture did not come in time."""
@@ -70,19 +70,19 @@ class Taken:
             self._late_count = 0
             self.photos = tuple(self._kept)
         newest = self.newest
-        if newest is None or newest.number != info.number or newest[:2] == self._asked_for:
+        if newest is None or newest.number != info.number or newest[:2] == self._requested:
             return
         if wants_image and CameraAbility.IMAGE in info.abilities:
-            self._asked_for = newest.number, newest.photo
+            self._requested = newest.number, newest.photo
             try:
                 image = camera.image(newest.photo.number)
             except DaemonUnreachableError:
-                self._asked_for = None
+                self._requested = None
                 raise
             except UalTimeoutError:  # a busy computer, or a bad link
                 self._late_count += 1
                 if self._late_count < _MOST_LATE_PHOTOS:
-                    self._asked_for = None
+                    self._requested = None
                 raise
             self._late_count = 0
             self.newest = newest._replace(image=image, lens=image.intrinsics or newest.lens)

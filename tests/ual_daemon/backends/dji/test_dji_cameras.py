@@ -182,7 +182,7 @@ def test_one_that_answers_late_is_no_second_picture(uav: UAL, backend: LockstepD
 def test_a_camera_that_hangs_delays_no_flight(uav: UAL, backend: LockstepDji) -> None:
     with backend.lock:
         backend.bridge.faults.dead_services.add("/psdk_ros2/camera_get_type")
-    wait(backend, cameras.CAMERA_CHECK_PERIOD_S)
+    wait(backend, cameras.KNOWN_CHECK_S)
     fly(uav)  # what waited behind the camera would not be called any more after its own 3 s
 
 

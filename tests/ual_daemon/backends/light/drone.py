@@ -10,7 +10,7 @@ from ual.geometry import Pose, Twist, Vector3
 from ual.types import Limits
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.light import LightBackend, World
-from ual_daemon.backends.light.physics import PHYSICS_STEP_S, FlightMode
+from ual_daemon.backends.light.physics import SIM_STEP_S, FlightMode
 from ual_daemon.backends.values import LandedState, PositionSetpoint, Setpoint, VelocitySetpoint
 
 
@@ -30,17 +30,17 @@ class Drone:
 
     def run(self, duration_s: float, setpoint: Setpoint | None = None) -> None:
         """Lets time pass; the setpoint, if there is one, is sent at each step."""
-        for _ in range(round(duration_s / PHYSICS_STEP_S)):
+        for _ in range(round(duration_s / SIM_STEP_S)):
             if setpoint is not None:
                 self.backend.send(setpoint)
-            self.world.step(PHYSICS_STEP_S)
+            self.world.step(SIM_STEP_S)
 
     def run_until(self, landed: LandedState, limit_s: float = 60.0) -> float:
         """Lets time pass until it says so; how long that took."""
         begin_s = self.world.now_s()
         while self.landed() is not landed:
             assert self.world.now_s() - begin_s < limit_s
-            self.run(PHYSICS_STEP_S)
+            self.run(SIM_STEP_S)
         return self.world.now_s() - begin_s
 
     def fly(self, height_m: float = 5.0) -> None:

@@ -21,7 +21,7 @@ from ual.simulation import (
     PositionLost,
 )
 from ual.types import GpsFix, Limits
-from ual_daemon.backends.light.physics import PHYSICS_STEP_S, FlightMode
+from ual_daemon.backends.light.physics import SIM_STEP_S, FlightMode
 
 HERE = hold(0.0, 0.0, 5.0)
 
@@ -110,7 +110,7 @@ def test_updates_go_on_while_the_link_is_lost(drone: Drone) -> None:
     drone.sim.begin_fault(LinkLost())
     count = len(drone.snapshots)
     drone.run(0.5)
-    assert len(drone.snapshots) - count == round(0.5 / PHYSICS_STEP_S)
+    assert len(drone.snapshots) - count == round(0.5 / SIM_STEP_S)
 
 
 @pytest.mark.parametrize("fault", [AckLost(Command.LAND), AckLate(Command.LAND, delay_s=60.0), LinkLost()])
@@ -172,7 +172,7 @@ def test_the_position_comes_back_but_not_the_mode(drone: Drone) -> None:
 
 def test_the_safety_pilot_flies_and_the_autopilot_lands_without_a_position(drone: Drone) -> None:
     drone.sim.begin_fault(PositionLost())
-    drone.run(PHYSICS_STEP_S)
+    drone.run(SIM_STEP_S)
     drone.sim.pilot_take_over()
     drone.sim.pilot_move_sticks(forward=1.0)
     drone.run(2.0)
@@ -185,18 +185,18 @@ def test_the_safety_pilot_flies_and_the_autopilot_lands_without_a_position(drone
 def test_without_a_position_it_does_not_arm() -> None:
     drone = Drone()
     drone.sim.begin_fault(PositionLost())
-    drone.run(PHYSICS_STEP_S)
+    drone.run(SIM_STEP_S)
     with pytest.raises(RejectedByAutopilotError, match="no position estimate"):
         drone.sim.pilot_arm()
 
 
 def test_the_estimate_jumps_there_and_back_and_the_autopilot_follows_it(drone: Drone) -> None:
     drone.sim.begin_fault(EstimatorJumps(Vector3(0.0, 2.0, 0.0), period_s=4.0))
-    drone.run(2 * PHYSICS_STEP_S, HERE)
+    drone.run(2 * SIM_STEP_S, HERE)
     assert drone.pose.position.y - drone.true("position")[1] == pytest.approx(2.0)
     drone.run(3.8, HERE)
     assert drone.true("position")[1] == pytest.approx(-2.0, abs=0.2)
-    drone.run(4 * PHYSICS_STEP_S + 0.2, HERE)
+    drone.run(4 * SIM_STEP_S + 0.2, HERE)
     assert drone.pose.position.y == pytest.approx(drone.true("position")[1])
     drone.sim.end_fault()
     drone.run(5.0, HERE)
@@ -206,7 +206,7 @@ def test_the_estimate_jumps_there_and_back_and_the_autopilot_follows_it(drone: D
 @pytest.mark.parametrize("period_s", [5e-324, 1e-3])
 def test_an_estimate_may_jump_more_often_than_it_is_looked_at(drone: Drone, period_s: float) -> None:
     drone.sim.begin_fault(EstimatorJumps(Vector3(0.0, 2.0, 0.0), period_s=period_s))
-    drone.run(4 * PHYSICS_STEP_S, HERE)
+    drone.run(4 * SIM_STEP_S, HERE)
     assert drone.pose.position.y - drone.true("position")[1] in (pytest.approx(0.0), pytest.approx(2.0))
 
 
@@ -215,7 +215,7 @@ def test_an_estimate_may_jump_more_often_than_it_is_looked_at(drone: Drone, peri
 
 def test_weak_motors_speed_up_more_slowly(drone: Drone) -> None:
     drone.sim.begin_fault(MotorsWeak(0.25))
-    drone.run(PHYSICS_STEP_S, HERE)
+    drone.run(SIM_STEP_S, HERE)
     drone.run(1.0, velocity(1.6))
     assert drone.true("velocity")[0] == pytest.approx(0.5, abs=0.02)  # a quarter of 2 m/s^2
     drone.sim.end_fault()
@@ -225,7 +225,7 @@ def test_weak_motors_speed_up_more_slowly(drone: Drone) -> None:
 
 def test_motors_without_any_power_change_nothing(drone: Drone) -> None:
     drone.sim.begin_fault(MotorsWeak(0.0))
-    drone.run(PHYSICS_STEP_S, HERE)
+    drone.run(SIM_STEP_S, HERE)
     drone.run(2.0, velocity(1.6))
     assert drone.true("velocity")[0] == pytest.approx(0.0, abs=1e-3)
 
@@ -256,7 +256,7 @@ def test_a_refused_command_has_no_effect_and_carries_the_words(drone: Drone, com
     assert isinstance(error, RejectedByAutopilotError)
     assert error.metadata["text"] == "Accels inconsistent"
     assert drone.mode() is FlightMode.GUIDED
-    drone.run(PHYSICS_STEP_S)
+    drone.run(SIM_STEP_S)
     assert drone.backend.snapshot().condition.status_text == "Accels inconsistent"
 
 

@@ -14,7 +14,7 @@ from tests.ual_daemon.stepped import stepped
 from ual.errors import InvalidArgumentError, RejectedByAutopilotError, WrongStateError
 from ual.geometry import Vector3
 from ual.types import Limits
-from ual_daemon.backends.light.physics import PHYSICS_STEP_S, SETPOINT_TIMEOUT_S, FlightMode
+from ual_daemon.backends.light.physics import SETPOINT_TIMEOUT_S, SIM_STEP_S, FlightMode
 from ual_daemon.backends.values import LandedState, PositionSetpoint, Setpoint, VelocitySetpoint
 
 SLACK = 1.0 + 1e-9
@@ -46,14 +46,14 @@ def test_whatever_is_queried_the_limits_are_held(asked: list[Setpoint], limits: 
     before = drone.true("velocity")
     for setpoint in asked:
         for _ in range(50):
-            drone.run(PHYSICS_STEP_S, setpoint)
+            drone.run(SIM_STEP_S, setpoint)
             now = drone.true("velocity")
             assert math.hypot(now[0], now[1]) <= limits["horizontal_speed_m_s"] * SLACK
             assert abs(now[2]) <= limits["vertical_speed_m_s"] * SLACK
             assert abs(drone.true("yaw_rate")) <= limits["yaw_rate_rad_s"] * SLACK
             assert drone.true("position")[2] >= 0.0
             if drone.true("position")[2] > 0.0:  # the ground stops as hard as it likes
-                change = (now - before) / PHYSICS_STEP_S
+                change = (now - before) / SIM_STEP_S
                 assert math.hypot(change[0], change[1]) <= limits["horizontal_acceleration_m_s2"] * SLACK
                 assert abs(change[2]) <= limits["vertical_acceleration_m_s2"] * SLACK
             before = now
@@ -63,11 +63,11 @@ def test_whatever_is_queried_the_limits_are_held(asked: list[Setpoint], limits: 
 def test_a_velocity_is_answered_with_first_order(response_s: float) -> None:
     drone = Drone(response_s=response_s, horizontal_acceleration_m_s2=100.0)
     drone.fly()
-    for _ in range(round(3 * response_s / PHYSICS_STEP_S)):
+    for _ in range(round(3 * response_s / SIM_STEP_S)):
         begin = drone.true("velocity")[0]
-        drone.run(PHYSICS_STEP_S, velocity(1.0))
+        drone.run(SIM_STEP_S, velocity(1.0))
         # Each step takes it the same part of the way that is left.
-        assert drone.true("velocity")[0] - begin == pytest.approx((1.0 - begin) * PHYSICS_STEP_S / response_s, abs=1e-9)
+        assert drone.true("velocity")[0] - begin == pytest.approx((1.0 - begin) * SIM_STEP_S / response_s, abs=1e-9)
     assert drone.true("velocity")[0] == pytest.approx(1.0 - math.exp(-3.0), abs=0.03)
 
 
@@ -84,7 +84,7 @@ def test_a_position_is_reached_without_overshoot() -> None:
     drone.fly()
     xs = []
     for _ in range(500):
-        drone.run(PHYSICS_STEP_S, hold(4.0, 0.0, 5.0, 2.0))
+        drone.run(SIM_STEP_S, hold(4.0, 0.0, 5.0, 2.0))
         xs.append(drone.true("position")[0])
     assert max(xs) <= 4.05
     assert tuple(drone.pose.position) == pytest.approx((4.0, 0.0, 5.0), abs=0.01)
@@ -97,8 +97,8 @@ def test_a_heading_is_reached_by_the_shortest_turn(begin: float, end: float) -> 
     drone.fly()
     turned = 0.0
     for _ in range(400):
-        drone.run(PHYSICS_STEP_S, hold(0.0, 0.0, 5.0, end))
-        turned += drone.true("yaw_rate") * PHYSICS_STEP_S
+        drone.run(SIM_STEP_S, hold(0.0, 0.0, 5.0, end))
+        turned += drone.true("yaw_rate") * SIM_STEP_S
     assert turned == pytest.approx(math.remainder(end - begin, math.tau), abs=0.02)
     assert -math.pi <= drone.true("yaw") <= math.pi
 
@@ -144,12 +144,12 @@ def test_a_landing_is_noticed_after_a_moment_and_disarms_later(start_z: float) -
     assert drone.landed() is LandedState.IN_AIR
     assert drone.pose.position.z == pytest.approx(start_z + 2.0, abs=0.01)
     drone.backend.land(Limits()).result(timeout=0)
-    drone.run(PHYSICS_STEP_S)
+    drone.run(SIM_STEP_S)
     assert drone.landed() is LandedState.LANDING
     while drone.true("position")[2] > start_z:
-        drone.run(PHYSICS_STEP_S)
+        drone.run(SIM_STEP_S)
     assert drone.landed() is LandedState.LANDING
-    assert drone.run_until(LandedState.ON_GROUND) == pytest.approx(0.5, abs=2 * PHYSICS_STEP_S)
+    assert drone.run_until(LandedState.ON_GROUND) == pytest.approx(0.5, abs=2 * SIM_STEP_S)
     assert tuple(drone.pose.position) == pytest.approx((1.0, 2.0, start_z), abs=0.01)
     assert drone.twist.linear == Vector3()
     drone.run(2.9)
@@ -224,9 +224,9 @@ def test_without_setpoints_it_holds_by_itself_after_a_while() -> None:
     drone = Drone()
     drone.fly()
     drone.run(2.0, velocity(1.0))
-    drone.run(SETPOINT_TIMEOUT_S - PHYSICS_STEP_S)
+    drone.run(SETPOINT_TIMEOUT_S - SIM_STEP_S)
     assert drone.mode() is FlightMode.GUIDED
-    drone.run(3 * PHYSICS_STEP_S)
+    drone.run(3 * SIM_STEP_S)
     assert drone.mode() is FlightMode.HOLD
     place = drone.pose.position
     drone.run(10.0)
@@ -376,7 +376,7 @@ def noisy_positions(seed: int, reads: int = 1) -> list[Vector3]:
     drone.sim.pilot_arm()
     positions = []
     for _ in range(200):
-        drone.run(PHYSICS_STEP_S)
+        drone.run(SIM_STEP_S)
         positions += [drone.pose.position for _ in range(reads)][-1:]
     return positions
 
@@ -400,11 +400,11 @@ def test_the_same_seed_makes_the_same_noise_however_often_it_is_read() -> None:
 def test_noise_can_be_changed_while_it_flies() -> None:
     drone = Drone()
     drone.sim.set_noise(position_m=1.0, velocity_m_s=0.0)
-    drone.run(PHYSICS_STEP_S)
+    drone.run(SIM_STEP_S)
     assert drone.pose.position != Vector3()
     assert drone.twist.linear == Vector3()
     drone.sim.set_noise(position_m=0.0, velocity_m_s=0.0)
-    drone.run(PHYSICS_STEP_S)
+    drone.run(SIM_STEP_S)
     assert drone.pose.position == Vector3()
     for bad in (-0.1, math.nan, 1e9):
         with pytest.raises(InvalidArgumentError):

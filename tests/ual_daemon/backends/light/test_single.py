@@ -15,7 +15,7 @@ from tests.strategies import ANGLES, vectors
 from ual.geometry import Vector3
 from ual_daemon.backends.light import LightSettings, World
 from ual_daemon.backends.light.fleet import Fleet
-from ual_daemon.backends.light.physics import PHYSICS_STEP_S, FlightMode
+from ual_daemon.backends.light.physics import SIM_STEP_S, FlightMode
 from ual_daemon.backends.light.single import Single
 from ual_daemon.backends.light.world import Vehicles
 from ual_daemon.backends.values import PositionSetpoint, Setpoint, VelocitySetpoint
@@ -65,7 +65,7 @@ def test_one_alone_moves_as_in_a_fleet(limits: LightSettings, course: list[tuple
             else:
                 getattr(each, what)[0] = value
         for _ in range(steps):
-            now_s += PHYSICS_STEP_S
+            now_s += SIM_STEP_S
             for each in both:
                 each.step(now_s)
             assert single.changed() == fleet.changed()

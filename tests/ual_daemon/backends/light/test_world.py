@@ -17,7 +17,7 @@ from ual.geometry import Twist, TwistStamped, Vector3
 from ual.types import Limits, Telemetry
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.light import LightBackend, World
-from ual_daemon.backends.light.physics import PHYSICS_STEP_S
+from ual_daemon.backends.light.physics import SIM_STEP_S
 from ual_daemon.backends.light.world import Thinning
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.settings import ConfigError
@@ -45,12 +45,10 @@ def test_time_that_stands_still_moves_by_steps_only() -> None:
     assert drone.world.now_s() == 0.0
     drone.sim.step(1.0)
     assert drone.world.now_s() == pytest.approx(1.0)
-    assert len(drone.snapshots) == 1 + round(1.0 / PHYSICS_STEP_S)
-    assert [s.time_s for s in drone.snapshots[1:4]] == pytest.approx(
-        [PHYSICS_STEP_S, 2 * PHYSICS_STEP_S, 3 * PHYSICS_STEP_S]
-    )
+    assert len(drone.snapshots) == 1 + round(1.0 / SIM_STEP_S)
+    assert [s.time_s for s in drone.snapshots[1:4]] == pytest.approx([SIM_STEP_S, 2 * SIM_STEP_S, 3 * SIM_STEP_S])
     drone.sim.step(1e-6)
-    assert drone.world.now_s() == pytest.approx(1.0 + PHYSICS_STEP_S)
+    assert drone.world.now_s() == pytest.approx(1.0 + SIM_STEP_S)
 
 
 def test_a_defect_of_one_vehicle_stops_neither_time_nor_the_others(caplog: pytest.LogCaptureFixture) -> None:
@@ -105,7 +103,7 @@ def test_the_speed_can_be_changed_while_it_runs() -> None:
     drone = Drone()
     passed = threading.Event()
     world = drone.world
-    world.listen(-1, lambda: passed.set() if world.now_s() % 20.0 < PHYSICS_STEP_S else None)
+    world.listen(-1, lambda: passed.set() if world.now_s() % 20.0 < SIM_STEP_S else None)
     for _ in range(5):
         begin_s = world.now_s()
         drone.sim.set_speed_factor(math.inf)
@@ -331,7 +329,7 @@ def test_thinned_updates_alternate_and_changes_are_reported_at_once() -> None:
         for number, backend in enumerate(backends):
             backend.open(partial(note, number))
             stack.callback(backend.close)
-        world.step(PHYSICS_STEP_S)
+        world.step(SIM_STEP_S)
         for steps in updates.values():
             steps.clear()
         for _ in range(9):

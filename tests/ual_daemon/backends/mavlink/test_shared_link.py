@@ -23,7 +23,7 @@ from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.engine.link_watch import LinkWatchState
 from ual_daemon.backends.mavlink import MavlinkBackend
 from ual_daemon.backends.mavlink.links import make_link
-from ual_daemon.backends.mavlink.links.base import RECEIVED_BATCH_BYTES
+from ual_daemon.backends.mavlink.links.base import READ_BATCH_BYTES
 from ual_daemon.backends.mavlink.links.endpoints import parse_url
 from ual_daemon.backends.mavlink.wire import shared_link
 from ual_daemon.backends.mavlink.wire.messages import mavlink
@@ -259,7 +259,7 @@ def test_what_nobody_takes_does_not_pile_up() -> None:
         taken = 0
         while found := link.receive(0.0):
             size = sum(len(data) for data, _ in found)
-            assert size < RECEIVED_BATCH_BYTES + len(frame)
+            assert size < READ_BATCH_BYTES + len(frame)
             taken += size
         assert QUEUE_BYTES - len(frame) < taken <= QUEUE_BYTES
         link.put((frame, None))

@@ -75,7 +75,7 @@ def file(tmp_path: Path) -> Path:
 
 
 def watched(path: Path, *, is_secret: bool = True) -> WatchedFile[int]:
-    return WatchedFile(path, "numbers", int, is_secret=is_secret, look_s=0.0)
+    return WatchedFile(path, "numbers", int, is_secret=is_secret, period_s=0.0)
 
 
 def test_a_file_is_read_anew_when_it_has_changed(file: Path) -> None:

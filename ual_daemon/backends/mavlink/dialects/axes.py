@@ -31,12 +31,7 @@ def frd_to_flu(forward: float, right: float, down: float) -> Vector3:
 def orientation_to_enu(w: float, x: float, y: float, z: float) -> Quaternion:
     """Converts the rotation from the body (FRD) to NED to the one from the body (FLU) to ENU. Unit length."""
     # 180 degrees about (1, 1, 0) on the left, 180 degrees about the body's x axis on the right, multiplied out.
-    x, y, z, w = (
-        (x + y) * _SQRT_HALF,
-        (x - y) * _SQRT_HALF,
-        (w - z) * _SQRT_HALF,
-        (w + z) * _SQRT_HALF,
-    )
+    x, y, z, w = (x + y) * _SQRT_HALF, (x - y) * _SQRT_HALF, (w - z) * _SQRT_HALF, (w + z) * _SQRT_HALF
     n = math.hypot(x, y, z, w)
     return Quaternion(x / n, y / n, z / n, w / n)
 

@@ -18,7 +18,7 @@ Chunk = tuple[bytes, Address | None]
 
 PERISHABLE_QUEUE_BYTES = 1024
 """With more than this unsent, perishable frames are dropped: 0.3 s of setpoints at 50 Hz."""
-RECEIVED_BATCH_BYTES = 8192
+READ_BATCH_BYTES = 8192
 """About the most bytes that are received at once. The rest waits for the next time, and what overflows meanwhile is the
 system's to drop: a flood must not keep the thread from flying. PX4 sends 24 kB a second."""
 QUEUE_BYTES = 8192

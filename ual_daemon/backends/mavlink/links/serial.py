@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from typing_extensions import override
 
 from ual_daemon.backends.mavlink.links.base import (
-    RECEIVED_BATCH_BYTES,
+    READ_BATCH_BYTES,
     Address,
     Chunk,
     LinkError,
@@ -79,7 +79,7 @@ class SerialLink(MavlinkLink):
         if self._line is None:
             return []
         try:
-            data = os.read(self._line.fileno(), RECEIVED_BATCH_BYTES)
+            data = os.read(self._line.fileno(), READ_BATCH_BYTES)
         except BlockingIOError:
             return []
         except OSError:

@@ -15,7 +15,7 @@ from typing_extensions import override
 from ual_daemon.backends import tcp
 from ual_daemon.backends.hosts import Host
 from ual_daemon.backends.mavlink.links.base import (
-    RECEIVED_BATCH_BYTES,
+    READ_BATCH_BYTES,
     Address,
     Chunk,
     LinkError,
@@ -90,7 +90,7 @@ class TcpClientLink(MavlinkLink):
             self._finish_connecting(sock)
             return []
         try:
-            data = sock.recv(RECEIVED_BATCH_BYTES)
+            data = sock.recv(READ_BATCH_BYTES)
         except BlockingIOError:
             return []
         except OSError as error:
@@ -208,7 +208,7 @@ class TcpServerLink(MavlinkLink):
         if self._client is None:
             return b""
         try:
-            data = self._client.recv(RECEIVED_BATCH_BYTES)
+            data = self._client.recv(READ_BATCH_BYTES)
         except BlockingIOError:
             return b""
         except OSError:

@@ -12,7 +12,7 @@ from typing_extensions import override
 
 from ual_daemon.backends.hosts import Host
 from ual_daemon.backends.mavlink.links.base import (
-    RECEIVED_BATCH_BYTES,
+    READ_BATCH_BYTES,
     Address,
     Chunk,
     LinkError,
@@ -23,10 +23,10 @@ from ual_daemon.backends.mavlink.links.endpoints import UdpEndpoint
 
 _log = logging.getLogger(__name__)
 
-_DATAGRAM_SIZE = RECEIVED_BATCH_BYTES
+_DATAGRAM_SIZE = READ_BATCH_BYTES
 """The rest of a longer one is dropped: nothing that speaks MAVLink sends one, as frames have at most 293 bytes."""
 _BATCH_DATAGRAMS = 64
-"""The most datagrams that are received at once, for the same reason as `RECEIVED_BATCH_BYTES`."""
+"""The most datagrams that are received at once, for the same reason as `READ_BATCH_BYTES`."""
 _RECEIVE_BUFFER_BYTES = 1 << 20
 
 
@@ -95,7 +95,7 @@ class UdpLink(MavlinkLink):
             bytes_count = len(chunk[0])
             # Polled, as nearly always there is no more, and an exception for each datagram is expensive.
             poll = self._poll.poll
-            while poll(0) and bytes_count < RECEIVED_BATCH_BYTES and len(chunks) < _BATCH_DATAGRAMS:
+            while poll(0) and bytes_count < READ_BATCH_BYTES and len(chunks) < _BATCH_DATAGRAMS:
                 chunk = sock.recvfrom(_DATAGRAM_SIZE)
                 chunks.append(chunk)
                 bytes_count += len(chunk[0])

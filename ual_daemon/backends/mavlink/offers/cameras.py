@@ -43,12 +43,12 @@ class MavlinkCamera(CameraDriver):
         self,
         link: CameraLink,
         now_s: Callable[[], float],
-        reach: ProtocolAccess,
+        access: ProtocolAccess,
         pictures: HttpPictures,
     ) -> None:
         self._link = link
         self._now_s = now_s
-        self._reach = reach
+        self._access = access
         self._pictures = pictures
 
     @property
@@ -138,7 +138,7 @@ class MavlinkCamera(CameraDriver):
         return self._run_on_loop(what, lambda future: self._link.order(command_id, params, future))
 
     def _run_on_loop(self, what: str, begin: Callable[[Future[T]], None]) -> Future[T]:
-        return self._reach.run_on_loop(what, lambda _, future: begin(future))
+        return self._access.run_on_loop(what, lambda _, future: begin(future))
 
 
 def _encoded(found: FetchedPicture, taken: TakenPhoto, intrinsics: CameraIntrinsics | None) -> EncodedImage:
@@ -165,17 +165,17 @@ class MavlinkCameras(CameraDrivers):
         self,
         found: Callable[[], Sequence[CameraLink]],
         now_s: Callable[[], float],
-        reach: ProtocolAccess,
+        access: ProtocolAccess,
         pictures: HttpPictures,
         trigger: CameraDriver | None = None,
     ) -> None:
         self._first = [] if trigger is None else [trigger]
         self._found = found
         self._now_s = now_s
-        self._reach = reach
+        self._access = access
         self._pictures = pictures
 
     @override
     def all(self) -> Sequence[CameraDriver]:
-        found = [MavlinkCamera(link, self._now_s, self._reach, self._pictures) for link in self._found()]
+        found = [MavlinkCamera(link, self._now_s, self._access, self._pictures) for link in self._found()]
         return [*self._first, *found]

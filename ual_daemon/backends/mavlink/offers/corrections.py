@@ -25,20 +25,20 @@ class MavlinkCorrections(AutopilotCorrections):
 
     def __init__(
         self,
-        reach: Callable[[str], MavlinkSession | UalError],
+        access: Callable[[str], MavlinkSession | UalError],
         post: Callable[[Callable[[Discovery], None]], None],
         discovery: Callable[[], Discovery | None],
         clock: Callable[[], float],
     ) -> None:
         super().__init__()
-        self._reach = reach
+        self._access = access
         self._post = post
         self._discovery = discovery
         self._clock = clock
 
     @override
     def inject(self, message: bytes) -> None:
-        session = self._reach("send corrections")
+        session = self._access("send corrections")
         if isinstance(session, UalError):
             self._post(lambda discovery: discovery.protocols.corrections.refuse(session.message))
         else:

@@ -25,10 +25,10 @@ class MavlinkGimbal(GimbalDriver):
 
     """
 
-    def __init__(self, link: GimbalLink, now_s: Callable[[], float], reach: ProtocolAccess) -> None:
+    def __init__(self, link: GimbalLink, now_s: Callable[[], float], access: ProtocolAccess) -> None:
         self._link = link
         self._now_s = now_s
-        self._reach = reach
+        self._access = access
 
     @property
     @override
@@ -64,7 +64,7 @@ class MavlinkGimbal(GimbalDriver):
 
     @override
     def aim(self, angles: GimbalAngles, reference: GimbalReference) -> None:
-        if not isinstance(self._reach.session_in_reach("aim its gimbal"), UalError):
+        if not isinstance(self._access.session_in_reach("aim its gimbal"), UalError):
             self._link.aim(angles, reference)
 
     @override
@@ -84,19 +84,19 @@ class MavlinkGimbal(GimbalDriver):
         return self._run_on_loop("release its gimbal's control", self._link.release)
 
     def _run_on_loop(self, what: str, begin: Callable[[Future[None]], None]) -> Future[None]:
-        return self._reach.run_on_loop(what, lambda _, future: begin(future))
+        return self._access.run_on_loop(what, lambda _, future: begin(future))
 
 
 class MavlinkGimbals(GimbalDrivers):
     """The gimbals of one backend; see `MavlinkGimbal`. `found` returns those that were found."""
 
     def __init__(
-        self, found: Callable[[], Sequence[GimbalLink]], now_s: Callable[[], float], reach: ProtocolAccess
+        self, found: Callable[[], Sequence[GimbalLink]], now_s: Callable[[], float], access: ProtocolAccess
     ) -> None:
         self._found = found
         self._now_s = now_s
-        self._reach = reach
+        self._access = access
 
     @override
     def all(self) -> Sequence[GimbalDriver]:
-        return [MavlinkGimbal(link, self._now_s, self._reach) for link in self._found()]
+        return [MavlinkGimbal(link, self._now_s, self._access) for link in self._found()]

@@ -31,7 +31,7 @@ class MavlinkGripper(OrderedGripper):
     """Payload devices of one backend's autopilot."""
 
     def __init__(self, orders: Orders) -> None:
-        self._reach, self._command, self._messages = orders
+        self._access, self._command, self._messages = orders
 
     @override
     def gripper_state(self, instance: int) -> Future[GripperState]:
@@ -45,18 +45,18 @@ class MavlinkGripper(OrderedGripper):
             else:
                 futures.finish(future, state)
 
-        return self._reach.run_on_loop(
+        return self._access.run_on_loop(
             "ask for its gripper", lambda protocols, future: begin(protocols.gripper.state, future)
         )
 
     @override
     def winch_status(self, instance: int) -> Future[WinchStatus]:
-        self._require_reported("its winch", is_told=self._codec().tells_winches)
+        self._require_reported("its winch", is_reported=self._codec().tells_winches)
         return self._read("the state of its winch", mavlink.MAVLINK_MSG_ID_WINCH_STATUS, _winch_status)
 
     @override
     def servo_pwm_us(self, channel: int) -> Future[int]:
-        self._require_reported("its servos", is_told=self._codec().tells_servos)
+        self._require_reported("its servos", is_reported=self._codec().tells_servos)
 
         def read(message: PayloadMessage) -> int | None:
             return _pulse_us(message, channel)
@@ -65,7 +65,7 @@ class MavlinkGripper(OrderedGripper):
 
     @override
     def relay_is_on(self, number: int) -> Future[bool]:
-        self._require_reported("its relays", is_told=self._codec().tells_relays)
+        self._require_reported("its relays", is_reported=self._codec().tells_relays)
 
         def read(message: PayloadMessage) -> bool | None:
             bit = 1 << (number - 1)
@@ -79,14 +79,14 @@ class MavlinkGripper(OrderedGripper):
     def _order(self, order: PayloadOrder) -> Future[None]:
         command = ordered(command_of(order.id, order.params, order.what, group=order.device), order)
         if order.id == GRIPPER:
-            self._reach.post(lambda discovery: discovery.protocols.gripper.forget_state())
+            self._access.post(lambda discovery: discovery.protocols.gripper.forget_state())
         result = self._command(order.what, command)
-        self._reach.post(lambda discovery: discovery.protocols.gripper.await_order(result, order.what))
+        self._access.post(lambda discovery: discovery.protocols.gripper.await_order(result, order.what))
         return result
 
     def _read(self, what: str, message_id: int, read: Callable[[PayloadMessage], T | None]) -> Future[T]:
         """Asks for a message, and returns what is read of it. One that is of something else (None) does not count."""
-        future: Future[T] = self._reach.run_on_loop(
+        future: Future[T] = self._access.run_on_loop(
             f"ask for {what}", lambda protocols, waiting: protocols.gripper.await_answer(waiting, what)
         )
 
@@ -103,22 +103,22 @@ class MavlinkGripper(OrderedGripper):
 
         stop_listening = self._messages.add(message_id, on_message)
         future.add_done_callback(lambda _: stop_listening())
-        asked = self._command(f"ask for {what}", request_message(message_id))
-        asked.add_done_callback(lambda ended: _refuse(future, ended))
-        future.add_done_callback(lambda _: asked.cancel())
+        requested = self._command(f"ask for {what}", request_message(message_id))
+        requested.add_done_callback(lambda ended: _refuse(future, ended))
+        future.add_done_callback(lambda _: requested.cancel())
         return future
 
-    def _require_reported(self, what: str, *, is_told: bool) -> None:
-        if not is_told:
+    def _require_reported(self, what: str, *, is_reported: bool) -> None:
+        if not is_reported:
             raise NotSupportedError(f"{self._name()} says nothing of {what}")
 
     def _name(self) -> str:
-        session = self._reach.session()
+        session = self._access.session()
         return "the autopilot" if session is None else session.dialect.name
 
     @override
     def _codec(self) -> GripperCodec:
-        session = self._reach.session()
+        session = self._access.session()
         if session is None:
             raise LinkLostError("no autopilot is heard")
         if session.dialect.gripper is None:
@@ -131,8 +131,8 @@ def make_driver(orders: Orders) -> MavlinkGripper:
     return MavlinkGripper(orders)
 
 
-def _refuse(future: Future[T], asked: Future[None]) -> None:
-    error = None if asked.cancelled() else asked.exception()
+def _refuse(future: Future[T], requested: Future[None]) -> None:
+    error = None if requested.cancelled() else requested.exception()
     if error is not None and not future.done():
         futures.fail(future, error)
 

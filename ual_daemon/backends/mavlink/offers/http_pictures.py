@@ -55,10 +55,10 @@ class _Allowed(NamedTuple):
     @classmethod
     def of(cls, text: str) -> _Allowed:
         """Reads ``HOST``, ``HOST:PORT``, ``HOST:PORT/PATH``; an address of IPv6 with a port is in brackets."""
-        place, _, path = text.partition("/")
-        host, colon, port = place.rpartition(":")
+        authority, _, path = text.partition("/")
+        host, colon, port = authority.rpartition(":")
         if not colon or (host.count(":") and not host.endswith("]")):  # no port, or the whole is of IPv6
-            host, port = place, "0"
+            host, port = authority, "0"
         return cls(host.strip("[]").lower(), int(port), f"/{path}")
 
     def has(self, host: str, port: int, path: str) -> bool:

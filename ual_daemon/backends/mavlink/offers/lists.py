@@ -24,15 +24,15 @@ _STAGES = {each.value: each for each in MissionStage}
 class MavlinkLists(ItemLists):
     """The lists of one backend."""
 
-    def __init__(self, reach: ProtocolAccess) -> None:
-        self._reach = reach
+    def __init__(self, access: ProtocolAccess) -> None:
+        self._access = access
 
     @override
     def download(self, kind: MissionType) -> Future[MissionList]:
         def begin(protocols: Protocols, future: Future[MissionList]) -> None:
             protocols.missions.download(kind, future)
 
-        return self._reach.run_on_loop(f"read its {kind.text}", begin)
+        return self._access.run_on_loop(f"read its {kind.text}", begin)
 
     @override
     def replace(
@@ -41,21 +41,21 @@ class MavlinkLists(ItemLists):
         def begin(protocols: Protocols, future: Future[MissionList]) -> None:
             protocols.missions.replace(kind, items, refusal, future, differs)
 
-        return self._reach.run_on_loop(f"change its {kind.text}", begin)
+        return self._access.run_on_loop(f"change its {kind.text}", begin)
 
 
-def fence_of(reach: ProtocolAccess, lists: ItemLists) -> ListedFence:
+def fence_of(access: ProtocolAccess, lists: ItemLists) -> ListedFence:
     """Returns what is offered of the fence."""
 
     def known() -> KnownAutopilot | None:
-        session = reach.session()
+        session = access.session()
         return None if session is None else KnownAutopilot(session.dialect, session.telemetry.parameters)
 
     return ListedFence(lists, known)
 
 
 def missions_of(
-    reach: ProtocolAccess,
+    access: ProtocolAccess,
     lists: ItemLists,
     parameters: AutopilotParameters,
     fly: Callable[[], Future[None]],
@@ -64,11 +64,11 @@ def missions_of(
     """Returns what is offered of missions. `fly` commands the mode in which one is flown; `here` says where it is."""
 
     def dialect() -> Dialect | None:
-        session = reach.session()
+        session = access.session()
         return None if session is None else session.dialect
 
     def received() -> ReceivedMission | None:
-        session = reach.session()
+        session = access.session()
         found = None if session is None else session.mission_news
         if found is None:
             return None
@@ -80,6 +80,6 @@ def missions_of(
         def begin(protocols: Protocols, future: Future[None]) -> None:
             protocols.progress.set_current(seq, shown_by, refusal, future)
 
-        return reach.run_on_loop("choose an item of its mission", begin)
+        return access.run_on_loop("choose an item of its mission", begin)
 
     return ListedMissions(MissionAccess(lists, dialect, received, choose, fly, parameters.read, here))

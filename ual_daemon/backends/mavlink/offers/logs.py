@@ -46,8 +46,8 @@ class MavlinkLogs(AutopilotLogs):
 
     """
 
-    def __init__(self, reach: ProtocolAccess) -> None:
-        self._reach = reach
+    def __init__(self, access: ProtocolAccess) -> None:
+        self._access = access
         self._paths: dict[str, str] = {}
         """Of the last list by MAVFTP: the path of each log."""
 
@@ -66,7 +66,7 @@ class MavlinkLogs(AutopilotLogs):
         self, by_files: Callable[[Ftp], Steps[T]], by_numbers: Callable[[Protocols, Future[T]], None]
     ) -> Future[T]:
         what = "read its logs"
-        session = self._reach.session_in_reach(what)
+        session = self._access.session_in_reach(what)
         if isinstance(session, UalError):
             return futures.failed(session)
 
@@ -76,7 +76,7 @@ class MavlinkLogs(AutopilotLogs):
             else:
                 by_numbers(protocols, future)
 
-        return self._reach.run_on_loop(what, begin)
+        return self._access.run_on_loop(what, begin)
 
     def _path(self, log_id: str) -> str:
         if log_id not in self._paths:

@@ -73,9 +73,9 @@ class ParameterDescriptions:
             self._loaded.set_result(found)
 
     def _read(self) -> Descriptions:
-        place: Future[MetadataFile] = Future()
-        self._post(lambda discovery: discovery.protocols.component_metadata.request(place))
-        uri, crc = place.result(READ_S)
+        address: Future[MetadataFile] = Future()
+        self._post(lambda discovery: discovery.protocols.component_metadata.request(address))
+        uri, crc = address.result(READ_S)
         where = parameter_files.parameters_uri(self._content(uri, crc, MOST_GENERAL))
         return {} if where is None else parameter_files.descriptions(self._content(*where, MOST_PARAMETERS))
 

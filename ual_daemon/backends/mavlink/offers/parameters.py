@@ -30,17 +30,17 @@ _log = logging.getLogger(__name__)
 
 
 class MavlinkParameters(AutopilotParameters):
-    """The parameters of one backend. `reach` is the way to the thread that receives."""
+    """The parameters of one backend. `access` is the way to the thread that receives."""
 
-    def __init__(self, reach: ProtocolAccess) -> None:
-        self._reach = reach
+    def __init__(self, access: ProtocolAccess) -> None:
+        self._access = access
         self._lock = threading.Lock()
         self._descriptions: ParameterDescriptions | None = None
 
     @property
     @override
     def relied_on(self) -> frozenset[str]:
-        session = self._reach.session()
+        session = self._access.session()
         return frozenset() if session is None else session.dialect.relied_on
 
     @override
@@ -49,7 +49,7 @@ class MavlinkParameters(AutopilotParameters):
 
     @override
     def read_all(self) -> Future[list[Parameter]]:
-        session = self._reach.session()
+        session = self._access.session()
         if session is None or not session.dialect.packed_parameters or not has_files(session):
             return self._run_on_loop("read its parameters", ParameterTransfers.read_all)
         return self._read_packed(session.dialect.packed_parameters)
@@ -62,13 +62,13 @@ class MavlinkParameters(AutopilotParameters):
 
     @override
     def descriptions(self) -> Future[Mapping[str, Description]]:
-        session = self._reach.session()
+        session = self._access.session()
         if session is None:
             return super().descriptions()
         with self._lock:
             known = self._descriptions
             if known is None or known.session is not session or known.is_cut_off:
-                self._descriptions = known = ParameterDescriptions(session, self._reach.post)
+                self._descriptions = known = ParameterDescriptions(session, self._access.post)
         return known.get()
 
     def _read_packed(self, path: str) -> Future[list[Parameter]]:
@@ -79,7 +79,7 @@ class MavlinkParameters(AutopilotParameters):
             data.add_done_callback(lambda ended: self._on_packed(protocols.parameters, ended, future))
             protocols.files.run(data, protocols.files.read_all(path, MOST_LIST_BYTES))
 
-        return self._reach.run_on_loop("read its parameters", begin)
+        return self._access.run_on_loop("read its parameters", begin)
 
     def _on_packed(self, transfers: ParameterTransfers, data: Future[bytes], future: Future[list[Parameter]]) -> None:
         """Takes the packed list, on the thread that receives."""
@@ -96,4 +96,4 @@ class MavlinkParameters(AutopilotParameters):
                 future.set_result(found)
 
     def _run_on_loop(self, what: str, begin: Callable[[ParameterTransfers, Future[T]], None]) -> Future[T]:
-        return self._reach.run_on_loop(what, lambda protocols, future: begin(protocols.parameters, future))
+        return self._access.run_on_loop(what, lambda protocols, future: begin(protocols.parameters, future))

@@ -44,10 +44,10 @@ LATE_ANSWER_S = 0.7
 own.
 """
 IDENTITY_S, LATER_IDENTITY_S = 1.0, 10.0
-"""The interval of requests for what a camera is: at first, and after `EARLY_REQUESTS_COUNT` of them."""
+"""The interval of requests for what a camera is: at first, and after `EARLY_REQUESTS` of them."""
 DOUBTED_IDENTITY_S = 0.5
 """Seconds after which a camera is asked again that has reported to be another one."""
-EARLY_REQUESTS_COUNT = 10
+EARLY_REQUESTS = 10
 SHOT_RETRY_S, SHOT_TRIES_COUNT = 0.15, 3
 """Interval in seconds and attempts of an order of a picture by distance, as long as the UAV is near its place."""
 _SETTINGS, _STORAGE = mavlink.MAVLINK_MSG_ID_CAMERA_SETTINGS, mavlink.MAVLINK_MSG_ID_STORAGE_INFORMATION
@@ -90,7 +90,7 @@ class CameraLink:
         self._may_be_flying = may_be_flying
         self._source = source
         self._send = send
-        self._look = look
+        self._viewpoint = look
         self._carried = carried
         self._line = CameraSender(self._command, f"camera {number}")
         self._reported = ReportedPhotos(
@@ -157,10 +157,10 @@ class CameraLink:
 
     def start_interval(self, interval_s: float, count: int, future: Future[None]) -> None:
         """Has it take pictures by time. Those by distance end once it has accepted that, or may have."""
-        under_way = self._distance
+        distance = self._distance
 
         def on_end(ended: Future[None]) -> None:
-            if self._distance is under_way and futures.may_be_done(ended):
+            if self._distance is distance and futures.may_be_done(ended):
                 self._distance = None
 
         future.add_done_callback(on_end)
@@ -172,12 +172,12 @@ class CameraLink:
 
     def stop_distance(self) -> bool:
         """Ends that. Returns whether it was in progress."""
-        was_under_way, self._distance = self._distance is not None, None
-        return was_under_way
+        was_running, self._distance = self._distance is not None, None
+        return was_running
 
     def read_status(self, future: Future[CameraStatus]) -> None:
         """Asks what it does now."""
-        asked: Future[None] = Future()
+        answered: Future[None] = Future()
 
         def answer(done: Future[None]) -> None:
             error = done.exception()
@@ -186,8 +186,10 @@ class CameraLink:
             elif future.set_running_or_notify_cancel():
                 future.set_result(self.status())
 
-        asked.add_done_callback(answer)
-        self._add(MessageRequests(asked, self._line, (_CAPTURE, _STORAGE, _SETTINGS), frozenset({_STORAGE, _SETTINGS})))
+        answered.add_done_callback(answer)
+        self._add(
+            MessageRequests(answered, self._line, (_CAPTURE, _STORAGE, _SETTINGS), frozenset({_STORAGE, _SETTINGS}))
+        )
 
     def list_streams(self, future: Future[list[VideoStream]]) -> None:
         """Lists its video streams."""
@@ -202,20 +204,20 @@ class CameraLink:
 
     def status(self) -> CameraStatus:
         """Returns what it has said last of what it does."""
-        said = self._status
+        reported = self._status
         return CameraStatus(
-            mode=said.mode,
-            is_taking_photos=said.is_taking_photos or self._distance is not None,
-            interval_s=said.interval_s,
+            mode=reported.mode,
+            is_taking_photos=reported.is_taking_photos or self._distance is not None,
+            interval_s=reported.interval_s,
             distance_m=None if self._distance is None else self._distance[0],
-            is_recording=said.is_recording,
-            recording_s=said.recording_s,
+            is_recording=reported.is_recording,
+            recording_s=reported.recording_s,
             photos_count=self.photos.count,
             missed_count=self._missed_count + self._reported.lost_count,
-            storage=said.storage,
-            zoom_percent=said.zoom_percent,
-            focus_percent=said.focus_percent,
-            battery_percent=said.battery_percent,
+            storage=reported.storage,
+            zoom_percent=reported.zoom_percent,
+            focus_percent=reported.focus_percent,
+            battery_percent=reported.battery_percent,
         )
 
     def _add(self, exchange: CameraExchange[Any]) -> None:
@@ -288,9 +290,7 @@ class CameraLink:
         if now_s < self._next_identity_s or is_known:
             return
         self._identity_count += 1
-        self._next_identity_s = now_s + (
-            IDENTITY_S if self._identity_count < EARLY_REQUESTS_COUNT else LATER_IDENTITY_S
-        )
+        self._next_identity_s = now_s + (IDENTITY_S if self._identity_count < EARLY_REQUESTS else LATER_IDENTITY_S)
         self._line.request(mavlink.MAVLINK_MSG_ID_CAMERA_INFORMATION, is_older=self._identity_count % 2 == 0)
 
     def _on_identity(self, identity: CameraIdentity, now_s: float) -> None:
@@ -309,7 +309,7 @@ class CameraLink:
         is_stored = message.capture_result == 1
         if not is_stored:
             self._missed_count += 1
-        here = self._look()
+        here = self._viewpoint()
         device_id = 0 if self.identity is None else self.identity.gimbal_device_id
         viewpoint = here._replace(
             position_geo=camera_values.position_of(message) or here.position_geo,
@@ -322,10 +322,10 @@ class CameraLink:
             self._running.on_photo(taken, now_s)
 
     def _on_status(self, message_id: int, message: Message, now_s: float) -> None:
-        said = self._status
+        reported = self._status
         if message_id == _SETTINGS:
             self._status = replace(
-                said,
+                reported,
                 mode=camera_values.mode_of(message),
                 zoom_percent=camera_values.percent_of(message.zoomLevel),
                 focus_percent=camera_values.percent_of(message.focusLevel),
@@ -334,12 +334,12 @@ class CameraLink:
             self._on_battery(message.id, camera_values.battery_of(message))
         elif message_id == _STORAGE and message.storage_id <= 1:
             storage, self._storage_note = camera_values.storage_of(message)
-            self._status = replace(said, storage=storage)
+            self._status = replace(reported, storage=storage)
         elif message_id == _CAPTURE:
             self._reported.on_count(message.image_count, now_s)
             is_by_time = message.image_status in _BY_TIME
             self._status = replace(
-                said,
+                reported,
                 is_taking_photos=is_by_time,
                 interval_s=message.image_interval if is_by_time and message.image_interval > 0.0 else None,
                 is_recording=message.video_status == 1,
@@ -371,7 +371,7 @@ class CameraLink:
                 self._send_shot(shot.sequence, shot.tries_count, now_s)
         if self._distance is None:
             return
-        body = self._look().body
+        body = self._viewpoint().body
         due_count = 0 if body is None else self._distance[1].due_count(body.position)
         if due_count:
             self._miss_shot("it did not answer before the next one was due")

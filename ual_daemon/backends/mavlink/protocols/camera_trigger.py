@@ -27,13 +27,13 @@ class AutopilotCameraTrigger(TriggeredPhotos):
         }
 
     def _on_feedback(self, message: Message) -> None:
-        place = None
+        position = None
         if message.lat or message.lng:
-            place = GeoPoint(message.lat / 1e7, message.lng / 1e7, message.alt_msl, message.alt_rel)
-        self._on_kind(message, message.img_idx, place)
+            position = GeoPoint(message.lat / 1e7, message.lng / 1e7, message.alt_msl, message.alt_rel)
+        self._on_kind(message, message.img_idx, position)
 
-    def _on_kind(self, message: Message, number: int, place: GeoPoint | None) -> None:
+    def _on_kind(self, message: Message, number: int, position: GeoPoint | None) -> None:
         kind = message.get_msgId()
         if self._kind in (None, kind):
             self._kind = kind
-            self.on_report(number, camera_values.stamp_us(message.time_usec), place)
+            self.on_report(number, camera_values.stamp_us(message.time_usec), position)

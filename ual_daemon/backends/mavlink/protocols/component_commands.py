@@ -39,7 +39,7 @@ class ComponentCommands(Protocol):
         self._target: MessageSource | None = None
         self._heard_s: dict[int, float] = {}
         self._orders: dict[tuple[int, int], _ComponentOrder] = {}
-        self._asked: list[tuple[int, Future[bool]]] = []
+        self._queries: list[tuple[int, Future[bool]]] = []
         self._quiet_until_s: dict[tuple[int, int], float] = {}
 
     @property
@@ -49,7 +49,7 @@ class ComponentCommands(Protocol):
 
     def ask(self, component_id: int, future: Future[bool]) -> None:
         """Ends a future with whether messages of a component arrive."""
-        self._asked.append((component_id, future))
+        self._queries.append((component_id, future))
         self.is_waiting = True
 
     def order(self, component_id: int, command: CommandLong, what: str, future: Future[None]) -> None:
@@ -88,14 +88,14 @@ class ComponentCommands(Protocol):
 
     @override
     def tick(self, now_s: float) -> None:
-        asked, self._asked = self._asked, []
-        for component_id, future in asked:
+        queries, self._queries = self._queries, []
+        for component_id, future in queries:
             futures.finish(future, now_s - self._heard_s.get(component_id, -math.inf) <= LOST_COMPONENT_S)
         for key, order in tuple(self._orders.items()):
             order.tick(now_s)
             if order.is_over:
                 del self._orders[key]
-        self.is_waiting = bool(self._orders or self._asked)
+        self.is_waiting = bool(self._orders or self._queries)
 
 
 class _ComponentOrder(Exchange[None]):

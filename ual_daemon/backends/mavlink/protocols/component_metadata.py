@@ -51,9 +51,9 @@ class _Request(Exchange[MetadataFile]):
         self._next_s = now_s + RETRY_S
         self._send()
 
-    def on_address(self, place: MetadataFile) -> None:
+    def on_address(self, address: MetadataFile) -> None:
         """Takes the answer."""
-        self._end(place)
+        self._end(address)
 
 
 class ComponentMetadata(Protocol):

@@ -265,17 +265,17 @@ class Ftp(Protocol):
     def list_directory(self, path: str) -> Steps[list[DirectoryEntry]]:
         """Lists what is in a directory. Ends with an `FtpNakError` where there is none."""
         found: list[DirectoryEntry] = []
-        place = 0
+        number = 0
         while True:
             try:
-                packet = yield from _exchange(path, Opcode.LIST_DIRECTORY, place, path.encode())
+                packet = yield from _exchange(path, Opcode.LIST_DIRECTORY, number, path.encode())
             except FtpNakError as error:
                 if error.code == Nak.END_OF_FILE:
                     return found
                 raise
             names = [each for each in packet.data.split(b"\0") if each]
-            place += len(names)
-            if not names or place > MOST_ENTRIES:
+            number += len(names)
+            if not names or number > MOST_ENTRIES:
                 raise NotSupportedError(f"{path}: it has no end, or over {MOST_ENTRIES} entries")
             found += [entry for each in names if (entry := _entry(each)) is not None]
 

@@ -28,17 +28,17 @@ TRIES_COUNT = 10
 """... and most attempts."""
 PROGRESS_TIMEOUT_S = 15.0
 """Seconds without a new block after which the reading of a file ends."""
-MOST_REQUESTED_BLOCKS = 4
+WINDOW_BLOCKS = 4
 """Blocks that are requested at once. ArduPilot queues 5 requests, and drops the others."""
 GENTLE_DOWNLOAD_BYTES_S = 96_000.0
 """Most bytes a second that are requested while armed, and no more than half of what the link carries."""
 BURST_SILENCE_S = 1.0
 """Seconds without a block after which a burst is over, ..."""
-LEAST_BURST_BLOCKS = 8
+BURST_BLOCKS = 8
 """... and consecutive blocks for which it is worth while."""
 MOST_BLOCKS = 2048
 """Most blocks that are kept ahead of their time: a burst of ArduPilot has 500, one of PX4 some 150."""
-MOST_BURST_SEQUENCES = 1024
+BURST_SEQUENCES = 1024
 """The sequence numbers that are a burst's. ArduPilot takes a request that has one of its answers for a repetition."""
 
 
@@ -106,7 +106,7 @@ class OpenFile:
             FtpNakError: The burst has ended otherwise than at the end of the file.
 
         """
-        if self.burst is None or (packet.sequence - self.burst - 1) % SEQUENCES_COUNT >= MOST_BURST_SEQUENCES:
+        if self.burst is None or (packet.sequence - self.burst - 1) % SEQUENCES_COUNT >= BURST_SEQUENCES:
             return False
         is_new = False
         if packet.opcode == Opcode.NAK:
@@ -209,7 +209,7 @@ class FtpReading(FtpStep[bytes]):
         self._file = file
         self._offset = offset
         self._size = size
-        self._asked: dict[int, tuple[int, float]] = {}
+        self._requested: dict[int, tuple[int, float]] = {}
         """The blocks that are requested: sequence number, and when."""
         self._new_s = math.nan
         self._group_s: float | None = None
@@ -226,7 +226,7 @@ class FtpReading(FtpStep[bytes]):
         file = self._file
         file.used_s = now_s
         missing = self._missing()
-        self._asked = {each: self._asked[each] for each in missing if each in self._asked}
+        self._requested = {each: self._requested[each] for each in missing if each in self._requested}
         if not missing:
             self._take()
         elif now_s - self._new_s > PROGRESS_TIMEOUT_S:
@@ -235,7 +235,7 @@ class FtpReading(FtpStep[bytes]):
             self._watch_burst(link, now_s)
         elif link.is_gentle():
             self._request_gently(link, missing, now_s)
-        elif file.has_bursts and _begins_run(missing) and not self._asked:
+        elif file.has_bursts and _begins_run(missing) and not self._requested:
             self._begin_burst(link, missing[0], now_s)
         else:
             self._request(link, missing, now_s)
@@ -273,7 +273,7 @@ class FtpReading(FtpStep[bytes]):
 
     def _begin_burst(self, link: FtpLink, offset: int, now_s: float) -> None:
         file = self._file
-        file.burst, file.burst_s = link.next_sequence(MOST_BURST_SEQUENCES), now_s
+        file.burst, file.burst_s = link.next_sequence(BURST_SEQUENCES), now_s
         file.is_burst_empty = True
         link.request(file.burst, Opcode.BURST_READ_FILE, file.session, offset, b"", BLOCK_BYTES)
 
@@ -285,12 +285,7 @@ class FtpReading(FtpStep[bytes]):
             # It is armed: a burst from the end of the file replaces PX4's, and ends at once. ArduPilot ends its own.
             file.burst = None
             link.request(
-                link.next_sequence(MOST_BURST_SEQUENCES),
-                Opcode.BURST_READ_FILE,
-                file.session,
-                file.size,
-                b"",
-                BLOCK_BYTES,
+                link.next_sequence(BURST_SEQUENCES), Opcode.BURST_READ_FILE, file.session, file.size, b"", BLOCK_BYTES
             )
 
     def _on_burst(self, packet: FtpPacket, now_s: float) -> None:
@@ -306,27 +301,26 @@ class FtpReading(FtpStep[bytes]):
         if self._group_s is None and now_s >= self._next_s:
             self._group_s = now_s
             self._request(link, missing, now_s)
-        elif self._group_s is not None and self._asked:
-            self._request(link, [each for each in missing if each in self._asked], now_s)
+        elif self._group_s is not None and self._requested:
+            self._request(link, [each for each in missing if each in self._requested], now_s)
         elif self._group_s is not None:
             pause_s = max(
-                now_s - self._group_s,
-                MOST_REQUESTED_BLOCKS * BLOCK_BYTES / GENTLE_DOWNLOAD_BYTES_S - (now_s - self._group_s),
+                now_s - self._group_s, WINDOW_BLOCKS * BLOCK_BYTES / GENTLE_DOWNLOAD_BYTES_S - (now_s - self._group_s)
             )
             self._group_s, self._next_s = None, now_s + pause_s
 
     def _request(self, link: FtpLink, missing: list[int], now_s: float) -> None:
-        for offset in missing[:MOST_REQUESTED_BLOCKS]:
-            sequence, asked_s = self._asked.get(offset, (-1, -math.inf))
-            if now_s - asked_s < RETRY_S:
+        for offset in missing[:WINDOW_BLOCKS]:
+            sequence, requested_s = self._requested.get(offset, (-1, -math.inf))
+            if now_s - requested_s < RETRY_S:
                 continue
             sequence = link.next_sequence() if sequence < 0 else sequence
-            self._asked[offset] = (sequence, now_s)
+            self._requested[offset] = (sequence, now_s)
             link.request(sequence, Opcode.READ_FILE, self._file.session, offset, b"", BLOCK_BYTES)
 
     def _on_block(self, packet: FtpPacket, now_s: float) -> None:
         offset = next(
-            (at for at, (each, _) in self._asked.items() if packet.sequence == (each + 1) % SEQUENCES_COUNT), None
+            (at for at, (each, _) in self._requested.items() if packet.sequence == (each + 1) % SEQUENCES_COUNT), None
         )
         if offset is None:
             return
@@ -342,10 +336,7 @@ class FtpReading(FtpStep[bytes]):
 
 def _begins_run(missing: list[int]) -> bool:
     """Returns whether so many blocks in a row are missing that a burst is worth while."""
-    return (
-        len(missing) >= LEAST_BURST_BLOCKS
-        and missing[LEAST_BURST_BLOCKS - 1] - missing[0] == (LEAST_BURST_BLOCKS - 1) * BLOCK_BYTES
-    )
+    return len(missing) >= BURST_BLOCKS and missing[BURST_BLOCKS - 1] - missing[0] == (BURST_BLOCKS - 1) * BLOCK_BYTES
 
 
 class FtpPause(FtpStep[bool]):

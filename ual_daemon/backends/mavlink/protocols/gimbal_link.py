@@ -26,8 +26,8 @@ LOST_GIMBAL_S = 5.0
 ATTITUDE_AGE_LIMIT_S = 1.0
 """Seconds after a report for which a gimbal's attitude counts as known, ..."""
 ASK_S, LATER_ASK_S = 2.0, 10.0
-"""... and seconds between two questions for it: at first, and after `EARLY_REQUESTS_COUNT` times."""
-EARLY_REQUESTS_COUNT = 10
+"""... and seconds between two questions for it: at first, and after `EARLY_REQUESTS` times."""
+EARLY_REQUESTS = 10
 ATTITUDE_HZ, STATUS_HZ = 10.0, 2.0
 LATE_ANSWER_S = 0.7
 """Seconds for which an order waits after one of its kind that was repeated: late answers to that would be taken for its
@@ -310,6 +310,6 @@ class GimbalLink:
         self.has_asked = True
         if not self.is_kind_known:
             self._line.read_kind()
-        self._next_ask_s = now_s + (ASK_S if self._asks_count < EARLY_REQUESTS_COUNT else LATER_ASK_S)
+        self._next_ask_s = now_s + (ASK_S if self._asks_count < EARLY_REQUESTS else LATER_ASK_S)
         self._line.stream(_ATTITUDE, ATTITUDE_HZ, now_s)
         self._line.stream(_STATUS, STATUS_HZ, now_s)

@@ -98,7 +98,7 @@ class GimbalProtocol(Protocol):
         self._means = means
         self._target: MessageSource | None = None
         self._dialect: Dialect | None = None
-        self._asked: dict[int, _GimbalQuestions] = {}
+        self._questions: dict[int, _GimbalQuestions] = {}
         self._doubted: dict[tuple[MessageSource, int], Agreement[bool]] = {}
         """Gimbals that have reported once."""
         self._next_again_s = -math.inf
@@ -138,7 +138,7 @@ class GimbalProtocol(Protocol):
 
     def _forget(self) -> None:
         """Has all of them asked again: after a boot their limits, their kinds and their controllers may be others."""
-        self._asked = {}
+        self._questions = {}
         self._doubted.clear()
         for each in self.found:
             each.forget(is_kind_known=not self._has_kind(each.manager, each.device_id))
@@ -259,21 +259,21 @@ class GimbalProtocol(Protocol):
         target = self._target
         known = [each for each in self.found if each.manager.component_id == component_id]
         if known and all(each.is_identified for each in known):
-            self._asked.pop(component_id, None)
+            self._questions.pop(component_id, None)
             return
         if target is None:
             return
-        asked = self._asked.setdefault(component_id, _GimbalQuestions(0, now_s + FIRST_REQUEST_S))
+        questions = self._questions.setdefault(component_id, _GimbalQuestions(0, now_s + FIRST_REQUEST_S))
         most_count = AUTOPILOT_ASKS_COUNT if component_id == target.component_id else ASKS_COUNT
-        if now_s < asked.next_s or asked.asks_count >= most_count or not self._may_ask(component_id):
+        if now_s < questions.next_s or questions.asks_count >= most_count or not self._may_ask(component_id):
             return
-        self._asked[component_id] = _GimbalQuestions(asked.asks_count + 1, now_s + ASK_S)
+        self._questions[component_id] = _GimbalQuestions(questions.asks_count + 1, now_s + ASK_S)
         self._request(MessageSource(target.system_id, component_id), request_message(_INFORMATION), now_s)
 
     def _may_ask(self, component_id: int) -> bool:
-        is_told = self._dialect is not None and self._dialect.tells_gimbal_manager
+        is_reported = self._dialect is not None and self._dialect.tells_gimbal_manager
         is_autopilot = self._target is not None and component_id == self._target.component_id
-        return not (is_autopilot and is_told) or self._means.says_manager()
+        return not (is_autopilot and is_reported) or self._means.says_manager()
 
     def _stream(self, source: MessageSource, message_id: int, rate_hz: float, now_s: float) -> None:
         self._request(source, set_message_interval(message_id, rate_hz), now_s)

@@ -86,9 +86,9 @@ class GripperReports(Protocol):
         return awaited
 
     def _on_text(self, message: Message) -> None:
-        said = self._texts.get(str(message.text).strip("\0 "))
-        if said is not None:
-            self.state = said
+        reported = self._texts.get(str(message.text).strip("\0 "))
+        if reported is not None:
+            self.state = reported
 
 
 def _fail(awaited: _Awaited, error: UalError) -> None:

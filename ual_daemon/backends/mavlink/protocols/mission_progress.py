@@ -154,21 +154,21 @@ class MissionProgressProtocol(Protocol):
 
     def _on_current(self, message: Message, now_s: float) -> None:
         state, mission_id = getattr(message, "mission_state", 0), getattr(message, "mission_id", 0)
-        heard, total = self.heard, getattr(message, "total", 0)
-        texts_count = 0 if heard is None else heard.texts_count
-        told = MissionNews(state, message.seq, now_s, mission_id, total=total, texts_count=texts_count)
-        if heard is not None and (heard.mission_id, heard.total) == (mission_id, total):
-            told = replace(told, reached=heard.reached, reached_s=heard.reached_s)  # else it is of another mission
-        self.heard = told
+        last, total = self.heard, getattr(message, "total", 0)
+        texts_count = 0 if last is None else last.texts_count
+        news = MissionNews(state, message.seq, now_s, mission_id, total=total, texts_count=texts_count)
+        if last is not None and (last.mission_id, last.total) == (mission_id, total):
+            news = replace(news, reached=last.reached, reached_s=last.reached_s)  # else it is of another mission
+        self.heard = news
         if self._setting is not None:
             self._setting.on_current(message.seq)
 
     def _on_reached(self, message: Message, now_s: float) -> None:
-        heard = self.heard
-        if heard is not None:
-            self.heard = replace(heard, reached=message.seq, reached_s=now_s)
+        last = self.heard
+        if last is not None:
+            self.heard = replace(last, reached=message.seq, reached_s=now_s)
 
     def _on_text(self, message: Message) -> None:
-        heard = self.heard
-        if heard is not None and self._change_texts and message.text.startswith(self._change_texts):
-            self.heard = replace(heard, texts_count=heard.texts_count + 1)
+        last = self.heard
+        if last is not None and self._change_texts and message.text.startswith(self._change_texts):
+            self.heard = replace(last, texts_count=last.texts_count + 1)

@@ -40,10 +40,10 @@ class MissionSender:
         """Sends an item. Also what requests one with coordinates as floats gets it with integers, which are exact."""
         flags = int(item.is_current), int(item.autocontinue)
         params = item.param1, item.param2, item.param3, item.param4
-        place = item.x, item.y, item.z
+        position = item.x, item.y, item.z
         self._send(
             mavlink.MAVLink_mission_item_int_message(
-                *self._target, seq, item.frame, item.command, *flags, *params, *place, self.kind
+                *self._target, seq, item.frame, item.command, *flags, *params, *position, self.kind
             )
         )
 
@@ -59,7 +59,7 @@ class MissionSender:
 def item_of(message: Message) -> MissionItem:
     """Returns the item of a MISSION_ITEM_INT."""
     params = message.param1, message.param2, message.param3, message.param4
-    place = message.x, message.y, message.z
+    position = message.x, message.y, message.z
     return MissionItem(
-        message.frame, message.command, *params, *place, bool(message.autocontinue), bool(message.current)
+        message.frame, message.command, *params, *position, bool(message.autocontinue), bool(message.current)
     )

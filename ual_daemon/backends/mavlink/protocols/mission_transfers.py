@@ -72,17 +72,17 @@ class MissionTransfers(Protocol):
 
     @override
     def release(self) -> None:
-        asked = self._running
-        if asked is not None and (not asked.taker.is_over or asked.taker.future.cancelled()):
-            asked.taker.withdraw()
+        request = self._running
+        if request is not None and (not request.taker.is_over or request.taker.future.cancelled()):
+            request.taker.withdraw()
 
     @override
     def drop(self, why: str) -> None:
         if self._running is not None:
             text = f"{self._running.kind.text}: the transfer was not finished: {why}"
             self._running.taker.fail(LinkLostError(text))
-        for asked in self._waiting:
-            asked.taker.fail(LinkLostError(f"{asked.kind.text}: nothing was transferred: {why}"))
+        for request in self._waiting:
+            request.taker.fail(LinkLostError(f"{request.kind.text}: nothing was transferred: {why}"))
         self._waiting.clear()
         self._running, self.opaque_ids = None, None
 
@@ -144,21 +144,21 @@ class MissionTransfers(Protocol):
                 return
             self._running = self._waiting.popleft()
 
-    def _leave(self, asked: _TransferRequest) -> None:
+    def _leave(self, request: _TransferRequest) -> None:
         """Does what follows from the end of a transfer."""
-        self._changes[asked.kind] += asked.changes
-        if asked.taker.future.cancelled():
-            asked.taker.withdraw()
+        self._changes[request.kind] += request.changes
+        if request.taker.future.cancelled():
+            request.taker.withdraw()
 
     def _for_list(self, choose: Callable[[MissionTaker[Any]], Handler]) -> Handler:
         """Returns what gives a message to the transfer of its list."""
 
         def on_message(message: Message, now_s: float) -> None:
-            asked = self._running
+            request = self._running
             # PX4 sends what it has to tell without being asked to system 0 before a first transfer.
             is_ours = message.target_system and message.target_component
-            if is_ours and asked is not None and not asked.taker.is_over and message.mission_type == asked.kind:
-                choose(asked.taker)(message, now_s)
+            if is_ours and request is not None and not request.taker.is_over and message.mission_type == request.kind:
+                choose(request.taker)(message, now_s)
 
         return on_message
 

@@ -228,7 +228,7 @@ class Listing(ParameterExchange[list[Parameter]]):
     def __init__(self, future: Future[list[Parameter]], requests: ParameterRequests) -> None:
         super().__init__(future, requests)
         self._found: dict[int, Received] = {}
-        self._asked_s: dict[int, float] = {}
+        self._requested_s: dict[int, float] = {}
         """Times of the last requests for missing parameters."""
         self._count: int | None = None
         self._began_s: float | None = None
@@ -279,7 +279,7 @@ class Listing(ParameterExchange[list[Parameter]]):
         if self._count is not None:
             self._restarts_count += 1
             self._found.clear()
-            self._asked_s.clear()
+            self._requested_s.clear()
             self._new_s, self._is_filling = now_s, True
         self._count = count
         if self._restarts_count > RESTARTS_COUNT:
@@ -293,10 +293,10 @@ class Listing(ParameterExchange[list[Parameter]]):
 
     def _request_missing(self, now_s: float) -> None:
         missing = [index for index in range(self._count or 0) if index not in self._found]
-        due = [index for index in missing if now_s - self._asked_s.get(index, -RETRY_S) >= RETRY_S]
+        due = [index for index in missing if now_s - self._requested_s.get(index, -RETRY_S) >= RETRY_S]
         room = MOST_PENDING_REQUESTS - (len(missing) - len(due))
         for index in due[: max(0, room)]:
-            self._asked_s[index] = now_s
+            self._requested_s[index] = now_s
             self._requests.read_index(index)
 
     def _incomplete(self) -> UalError:

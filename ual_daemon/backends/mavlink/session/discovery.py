@@ -97,7 +97,7 @@ class Discovery(Selector):
         self._next_heartbeat_s = -math.inf
         self._url = url
         self._others: set[MessageSource] = set()
-        self._told: set[str] = set()
+        self._logged: set[str] = set()
 
     def reconnected(self) -> None:
         """Starts again with a new other end of the link, which continues no frame and has received no request."""
@@ -136,11 +136,11 @@ class Discovery(Selector):
 
     def release(self) -> None:
         """Ends the session: the autopilot need not send what was requested, nor keep open what was opened."""
-        is_heard = self.session is not None and self.watch.state is not LinkWatchState.LOST
-        if is_heard:
+        is_in_contact = self.session is not None and self.watch.state is not LinkWatchState.LOST
+        if is_in_contact:
             self.protocols.release()
         self.protocols.drop("the daemon ends")
-        if self.session is not None and is_heard:
+        if self.session is not None and is_in_contact:
             self.session.release()
 
     def tick(self, now_s: float) -> None:
@@ -175,8 +175,8 @@ class Discovery(Selector):
         if watch.state not in _UNHEARD:
             return ""
         since_s = -math.inf if watch.heard_s is None else watch.heard_s
-        heard = self.receiver.untaken.text(now_s, since_s)
-        return f"heard at {self._url} instead: {heard}" if heard else f"nothing comes to {self._url}"
+        notes = self.receiver.untaken.text(now_s, since_s)
+        return f"heard at {self._url} instead: {notes}" if notes else f"nothing comes to {self._url}"
 
     @override
     def is_wanted(self, source: MessageSource, heartbeat: Message) -> bool:
@@ -271,14 +271,14 @@ class Discovery(Selector):
 
     def _tell_silence(self, now_s: float) -> None:
         """Logs once each what is received instead of the autopilot."""
-        watch, told = self.watch, self._told
-        if watch.state not in _UNHEARD or len(told) >= _MOST_OTHERS:
+        watch, logged = self.watch, self._logged
+        if watch.state not in _UNHEARD or len(logged) >= _MOST_OTHERS:
             return
         since_s = -math.inf if watch.heard_s is None else watch.heard_s
-        heard = self.receiver.untaken.text(now_s, since_s, lasts_s=LASTING_NOTE_S)
-        if heard and heard not in told:
-            told.add(heard)
-            logs.event(_log, logging.WARNING, "no_autopilot", url=self._url, heard=heard)
+        notes = self.receiver.untaken.text(now_s, since_s, lasts_s=LASTING_NOTE_S)
+        if notes and notes not in logged:
+            logged.add(notes)
+            logs.event(_log, logging.WARNING, "no_autopilot", url=self._url, heard=notes)
 
     def _replace_session(self, source: MessageSource, successor: Successor) -> None:
         """Opens the session again, as the vehicle is another one than its heartbeats said, or than was there before."""

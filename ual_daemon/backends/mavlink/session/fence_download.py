@@ -56,7 +56,7 @@ class FenceDownload:
         self._changes_count = transfers.changes_count(_FENCE)
         self._read_id = 0
         """The autopilot's checksum of what was read; 0 where it tells none."""
-        self._told_id = 0
+        self._reported_id = 0
         """The newest that it has told."""
 
     def want(self) -> None:
@@ -81,15 +81,15 @@ class FenceDownload:
 
     def _is_changed(self) -> bool:
         """Takes what is told of the list. Returns whether it may be another one than at the last tick."""
-        before = self._changes_count, self._told_id
+        before = self._changes_count, self._reported_id
         ids = self._transfers.opaque_ids
-        self._changes_count, self._told_id = self._transfers.changes_count(_FENCE), 0 if ids is None else ids.fence
-        is_told = self._told_id not in (before[1], self._read_id)
-        return is_told or self._changes_count != before[0]
+        self._changes_count, self._reported_id = self._transfers.changes_count(_FENCE), 0 if ids is None else ids.fence
+        is_reported = self._reported_id not in (before[1], self._read_id)
+        return is_reported or self._changes_count != before[0]
 
     def _needs_poll(self, is_armed: bool | None) -> bool:
         """Returns whether a pause has ended by a new download: while disarmed, or because the last one failed."""
-        is_known = self._read_id != 0 and self._read_id == self._told_id
+        is_known = self._read_id != 0 and self._read_id == self._reported_id
         return self._pause_s > FIRST_PAUSE_S or not (is_armed or is_known)
 
     def _begin(self) -> None:

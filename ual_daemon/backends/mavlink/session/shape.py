@@ -16,7 +16,7 @@ _log = logging.getLogger(__name__)
 
 PARAMETER_REQUEST_S = 0.5
 """Seconds between two reads of a parameter that only planes have, while it is not sure that it is there."""
-SEEN_S, ENDS_S = 2.0, 10.0
+KNOWN_SHAPE_POLL_S, ENDS_S = 2.0, 10.0
 """Seconds between two reads while the verdict stands, and seconds without an answer after which that ends."""
 _DISGUISED = "it calls itself a multirotor, but says that it is a VTOL"
 
@@ -24,16 +24,16 @@ _DISGUISED = "it calls itself a multirotor, but says that it is a VTOL"
 class Shape:
     """Belongs to the thread that receives, and outlives the session: a verdict replaces that.
 
-    `as_said` is the dialect of the vehicle that its heartbeats name. `read` reads a parameter again. `flight` is that
+    `announced` is the dialect of the vehicle that its heartbeats name. `read` reads a parameter again. `flight` is that
     of the session.
     """
 
-    def __init__(self, as_said: Dialect, flight: AirborneWatch, read: Callable[[str], None]) -> None:
+    def __init__(self, announced: Dialect, flight: AirborneWatch, read: Callable[[str], None]) -> None:
         self.read = read
         self.flight = flight
         self._is_calm = False
         """Whether nothing says anything else than the verdicts. Not at first: they note when they begin."""
-        self._as_said = as_said
+        self._announced = announced
         self._state, self._parameter = Agreement(assumed=False), Agreement(assumed=False, ends_s=ENDS_S)
         self._name = ""
         self._next_s = -math.inf
@@ -55,13 +55,13 @@ class Shape:
         """Takes its MAV_VTOL_STATE."""
         if self._is_calm and self._state.is_backed and state == VtolState.UNDEFINED:
             return  # nearly always
-        is_vtol = not self._as_said.is_multirotor(state, NO_PARAMETERS)
+        is_vtol = not self._announced.is_multirotor(state, NO_PARAMETERS)
         self._state.note(is_vtol, now_s, is_flying=self.flight.is_flying(now_s))
         self._is_calm = self._is_calm and not self._state.is_open
 
     def on_parameter(self, name: str, now_s: float) -> None:
         """Takes that it has a parameter."""
-        if not self._as_said.is_multirotor(VtolState.UNDEFINED, {name: 1.0}):
+        if not self._announced.is_multirotor(VtolState.UNDEFINED, {name: 1.0}):
             self._name = name
             self._is_calm = False
             self._parameter.note(True, now_s, is_flying=self.flight.is_flying(now_s))
@@ -74,9 +74,9 @@ class Shape:
         for each in (self._state, self._parameter):
             each.tick(now_s, is_flying=is_flying)
         self._is_calm = not any(each.is_open or each.value for each in (self._state, self._parameter))
-        is_asked = self._parameter.is_open or self._parameter.value
-        if is_asked and now_s >= self._next_s:
-            self._next_s = now_s + (SEEN_S if self._parameter.value else PARAMETER_REQUEST_S)
+        is_wanted = self._parameter.is_open or self._parameter.value
+        if is_wanted and now_s >= self._next_s:
+            self._next_s = now_s + (KNOWN_SHAPE_POLL_S if self._parameter.value else PARAMETER_REQUEST_S)
             self.read(self._name)
         doubt, self._doubt = self._doubt, self.doubt
         if self._doubt and not doubt:

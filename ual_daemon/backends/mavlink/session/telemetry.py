@@ -429,11 +429,11 @@ class AutopilotTelemetry:
 
     def _on_autopilot_version(self, message: Message, now_s: float, _: float) -> None:
         """Takes the first at once. Permissions and names follow from it, so it is requested until two agree."""
-        said = tuple(repr(getattr(message, name)) for name in message.get_fieldnames())
+        values = tuple(repr(getattr(message, name)) for name in message.get_fieldnames())
         is_flying = self.flight.is_flying(now_s)
         if self._versions is None:
-            self._versions, self.version, self.is_version_doubtful = Agreement(said), message, True
-        elif self._versions.note(said, now_s, is_flying=is_flying) or self._versions.value == said:
+            self._versions, self.version, self.is_version_doubtful = Agreement(values), message, True
+        elif self._versions.note(values, now_s, is_flying=is_flying) or self._versions.value == values:
             self.version = message
         self.is_version_doubtful = self._versions.is_open or not self._versions.is_backed
 

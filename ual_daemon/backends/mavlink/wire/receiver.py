@@ -105,7 +105,7 @@ class Receiver:
         self._is_plain = signer is None and not link.is_stream
         self._handler: MessageHandler | None = None
         self._reader = FrameReader()
-        self._peer_heard_s = -math.inf
+        self._peer_received_s = -math.inf
         self._utc_offset_s = 0.0
         self._undecodable_count = 0
         self._logged: set[str] = set()
@@ -127,7 +127,7 @@ class Receiver:
                 if plain >> 8 in handler.used_ids:
                     self._on_used(plain, data, address, handler, now_s, utc_now_s)
                     return
-                self._peer_heard_s = now_s
+                self._peer_received_s = now_s
                 try:
                     handler.on_unused(plain >> 8, plain & 0xFF, address, now_s)
                 except Exception:  # noqa: BLE001 - as in `_on_frames`
@@ -138,7 +138,7 @@ class Receiver:
         garbage_count = reader.garbage_count
         if self._is_stream:
             frames = reader.feed(data)
-        elif peer is None or peer == address or now_s - self._peer_heard_s > PEER_SILENCE_S:
+        elif peer is None or peer == address or now_s - self._peer_received_s > PEER_SILENCE_S:
             frames = reader.read(data, address)
         else:
             frames = reader.read_beginning(data)
@@ -170,7 +170,7 @@ class Receiver:
             ids = message_id, data[5], data[6], plain & 0xFF, False
             frame = tuple.__new__(MavlinkFrame, (*ids, data, data[10:-2]))  # as `MavlinkFrame` does, one call less
             message = self._codec.decode(frame) if message_id in handler.decoded_ids else None
-            self._peer_heard_s = now_s
+            self._peer_received_s = now_s
             handler.on_message(frame, message, address, now_s, utc_now_s)
         except CorruptFrameError as error:
             self._undecodable_count += 1
@@ -222,7 +222,7 @@ class Receiver:
         message = self._codec.decode(frame) if frame.message_id in handler.decoded_ids else None
         if not is_from_peer:
             self._link.answer_to(address)
-        self._peer_heard_s = now_s
+        self._peer_received_s = now_s
         handler.on_message(frame, message, address, now_s, utc_now_s)
 
     def _on_other(
@@ -250,7 +250,7 @@ class Receiver:
         peer = self._link.peer
         if address is None or peer is None or address[0] == peer[0] or self._signer is not None:
             return False
-        if now_s - self._peer_heard_s > PEER_SILENCE_S:
+        if now_s - self._peer_received_s > PEER_SILENCE_S:
             return False
         self.stranger_count += 1
         self._log_once(f"frames of system {frame.system_id} from another host than {peer[0]} are dropped")

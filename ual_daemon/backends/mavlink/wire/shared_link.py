@@ -15,7 +15,7 @@ from typing_extensions import override
 from ual_daemon.backends.base import Clock
 from ual_daemon.backends.engine.limits import BLIND_SILENCE_S
 from ual_daemon.backends.engine.loop import OnceLog
-from ual_daemon.backends.mavlink.links.base import RECEIVED_BATCH_BYTES, Address, Chunk, MavlinkLink
+from ual_daemon.backends.mavlink.links.base import READ_BATCH_BYTES, Address, Chunk, MavlinkLink
 from ual_daemon.backends.mavlink.links.connection import LinkConnection
 from ual_daemon.backends.mavlink.links.udp import cannot_send
 from ual_daemon.backends.mavlink.wire.frames import FrameReader, Piece, piece_of, pieces
@@ -220,7 +220,7 @@ class VehicleLink(MavlinkLink):
         found: list[Chunk] = []
         taken = 0
         with self._lock:
-            while self._waiting and taken < RECEIVED_BATCH_BYTES:
+            while self._waiting and taken < READ_BATCH_BYTES:
                 found.append(self._waiting.popleft())
                 taken += len(found[-1][0])
             self._waiting_bytes -= taken

@@ -51,11 +51,11 @@ class MavrosGimbal(FindableGimbal):
 
     def __init__(
         self,
-        reach: MavrosAccess,
+        access: MavrosAccess,
         command: Callable[[str, Command[MavrosCall]], Future[None]],
         now_s: Callable[[], float],
     ) -> None:
-        self._reach = reach
+        self._access = access
         self._command = command
         self._now_s = now_s
         self._lock = threading.Lock()
@@ -81,7 +81,7 @@ class MavrosGimbal(FindableGimbal):
             0,
             "gimbal of the autopilot",
             identity.abilities,
-            is_known and isinstance(self._reach.session_in_reach("turn its gimbal"), MavrosSession),
+            is_known and isinstance(self._access.session_in_reach("turn its gimbal"), MavrosSession),
             "",
             identity.roll,
             identity.pitch,
@@ -91,7 +91,7 @@ class MavrosGimbal(FindableGimbal):
 
     def _learn(self) -> bool:
         """Returns whether the autopilot that is known now has one. What it was stays known."""
-        session = self._reach.session()
+        session = self._access.session()
         identity = None if session is None else session.telemetry.gimbal.identity
         if identity is not None:
             self._identity = identity
@@ -104,7 +104,7 @@ class MavrosGimbal(FindableGimbal):
 
     @override
     def attitude(self) -> GimbalAttitude | None:
-        session = self._reach.session()
+        session = self._access.session()
         return None if session is None else session.telemetry.gimbal.attitude(self._now_s())
 
     @override
@@ -113,7 +113,7 @@ class MavrosGimbal(FindableGimbal):
 
     @override
     def problems(self) -> Sequence[str]:
-        session = self._reach.session()
+        session = self._access.session()
         failures = () if session is None else session.telemetry.gimbal.problems(self._now_s())
         return [*failures, *([self._trouble] if self._trouble else [])]
 
@@ -151,7 +151,7 @@ class MavrosGimbal(FindableGimbal):
         return self._command(order.what, command)
 
     def _codec(self) -> GimbalCodec:
-        session = self._reach.session_in_reach("turn its gimbal")
+        session = self._access.session_in_reach("turn its gimbal")
         if isinstance(session, UalError):
             raise session
         if session.autopilot.gimbal is None:
@@ -175,7 +175,7 @@ class MavrosGimbal(FindableGimbal):
             except UalError:
                 return  # nothing answers to what follows: the state tells it
             self._aimed_s = self._now_s()
-            self._aim = self._reach.call(topics.COMMAND_INT, commands.as_int(order), AIM_LIMIT_S)
+            self._aim = self._access.call(topics.COMMAND_INT, commands.as_int(order), AIM_LIMIT_S)
         self._aim.add_done_callback(self._on_aimed)
 
     def _on_aimed(self, aimed: Future[Message]) -> None:

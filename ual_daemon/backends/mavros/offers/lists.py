@@ -85,17 +85,17 @@ class MavrosLists(ItemLists):
             raise UalTimeoutError(text, {"list": kind.text})
         return then_wait(self._services.pause(BUSY_RETRY_S), lambda _: self._read(kind, reads_count))
 
-    def _settled(self, kind: MissionType, count: int, before_count: int, looks_count: int) -> Future[MissionList]:
+    def _settled(self, kind: MissionType, count: int, before_count: int, checks_count: int) -> Future[MissionList]:
         """Waits for what was read."""
 
         def check(_: None) -> Future[MissionList]:
-            heard = self._received(kind)
-            if heard.messages_count > before_count and len(heard.items) == count:
-                return done(MissionList(heard.items))
-            if looks_count <= 1:
+            received = self._received(kind)
+            if received.messages_count > before_count and len(received.items) == count:
+                return done(MissionList(received.items))
+            if checks_count <= 1:
                 text = f"cannot {_reading(kind)}: MAVROS has not published the {count} items that it has read"
                 raise UalTimeoutError(text, {"list": kind.text})
-            return self._settled(kind, count, before_count, looks_count - 1)
+            return self._settled(kind, count, before_count, checks_count - 1)
 
         return then_wait(self._services.pause(TOPIC_DELAY_S), check)
 
@@ -116,17 +116,17 @@ class MavrosLists(ItemLists):
         return then_wait(chosen, lambda _: self._shown(shown_by, before_count, SHOWN_COUNT, again))
 
     def _shown(
-        self, shown_by: frozenset[int], before_count: int, looks_count: int, otherwise: Callable[[], Future[None]]
+        self, shown_by: frozenset[int], before_count: int, checks_count: int, otherwise: Callable[[], Future[None]]
     ) -> Future[None]:
         """Waits until the current item is one of some. MAVROS' answer says only that one was reported."""
-        heard = self._topics().heard
+        received = self._topics().heard
         is_new = self._received(MissionType.MISSION).messages_count > before_count
-        if heard is not None and is_new and heard.seq in shown_by:
+        if received is not None and is_new and received.seq in shown_by:
             return done(None)
-        if looks_count <= 0:
+        if checks_count <= 0:
             return otherwise()
         pause = self._services.pause(SHOWN_S)
-        return then_wait(pause, lambda _: self._shown(shown_by, before_count, looks_count - 1, otherwise))
+        return then_wait(pause, lambda _: self._shown(shown_by, before_count, checks_count - 1, otherwise))
 
     def _received(self, kind: MissionType) -> ReceivedList:
         return self._topics().lists[kind]
@@ -196,8 +196,8 @@ class _Replacement:
 
     def _status_text(self) -> str:
         """Returns what the autopilot has said meanwhile."""
-        has_said = self._counts() > self._texts_count
-        return f"; it said: {session_of(self._services).telemetry.status_text}" if has_said else ""
+        has_reported = self._counts() > self._texts_count
+        return f"; it said: {session_of(self._services).telemetry.status_text}" if has_reported else ""
 
 
 def session_of(services: Services) -> MavrosSession:
@@ -207,7 +207,7 @@ def session_of(services: Services) -> MavrosSession:
         LinkLostError: There is none any more.
 
     """
-    session = services.reach.session()
+    session = services.access.session()
     if session is None:
         raise LinkLostError("no autopilot is heard through MAVROS any more")
     return session

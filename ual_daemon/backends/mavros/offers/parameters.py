@@ -34,7 +34,7 @@ FETCH_S = 9.0
 PULL_S = 60.0
 """MAVROS waits for the list for 30 s. With ROS 1 it then gives each value to the master before it answers."""
 PULLS_COUNT = 10
-MOST_REQUESTED_PARAMETERS = 200
+CHUNK_PARAMETERS = 200
 """Most values of one request."""
 CALLS_AT_ONCE = 20
 """Most calls in progress where ROS 1 is requested each value."""
@@ -59,7 +59,7 @@ class MavrosParameters(AutopilotParameters):
     @property
     @override
     def relied_on(self) -> frozenset[str]:
-        session = self._services.reach.session()
+        session = self._services.access.session()
         return frozenset() if session is None else session.autopilot.relied_on
 
     @override
@@ -85,7 +85,7 @@ class MavrosParameters(AutopilotParameters):
         return then_wait(found, lambda one: self._fetched_anew(name) if one is None else done(one))
 
     def _fetched_anew(self, name: str) -> Future[Parameter]:
-        session = self._services.reach.session()
+        session = self._services.access.session()
         if session is None or session.telemetry.is_armed:
             raise unknown(name, self._names)
         return then(self._fetched(name, is_forced=True), lambda one: _known(one, name, self._names))
@@ -123,7 +123,7 @@ class MavrosParameters(AutopilotParameters):
 
     def _on_server(self, name: str) -> Future[object]:
         """Reads from ROS 1's parameter server: a value, or all; None where it has none."""
-        arguments = {"name": f"{self._services.reach.node()}/param/{name}".rstrip("/"), "default": ""}
+        arguments = {"name": f"{self._services.access.node()}/param/{name}".rstrip("/"), "default": ""}
         answer = self._services.call(topics.GET_ON_SERVER, arguments, CALL_S, _READ)
         return then(answer, lambda found: json.loads(found["value"]))
 
@@ -163,8 +163,7 @@ class MavrosParameters(AutopilotParameters):
             if not names:
                 return done(found)
             return then_wait(
-                self._get_ros2(names[:MOST_REQUESTED_PARAMETERS]),
-                lambda some: get(names[MOST_REQUESTED_PARAMETERS:], found + some),
+                self._get_ros2(names[:CHUNK_PARAMETERS]), lambda some: get(names[CHUNK_PARAMETERS:], found + some)
             )
 
         def listed(answer: Message) -> Future[list[Parameter]]:
@@ -191,7 +190,7 @@ class MavrosParameters(AutopilotParameters):
 
     @property
     def _checksum(self) -> str:
-        session = self._services.reach.session()
+        session = self._services.access.session()
         return "" if session is None else session.autopilot.parameters_checksum
 
     def _checked(self, names: Sequence[str], count: int) -> Future[list[Parameter]]:
@@ -252,7 +251,7 @@ class MavrosParameters(AutopilotParameters):
 
     @property
     def _is_ros2(self) -> bool:
-        return self._services.reach.ros() is RosGeneration.ROS2
+        return self._services.access.ros() is RosGeneration.ROS2
 
 
 def _known(found: Parameter | None, name: str, names: frozenset[str]) -> Parameter:

@@ -57,8 +57,8 @@ class _Job(NamedTuple):
 class Services:
     """Calls services, one job at a time. `give` is for any thread, the rest for the link's."""
 
-    def __init__(self, reach: MavrosAccess) -> None:
-        self.reach = reach
+    def __init__(self, access: MavrosAccess) -> None:
+        self.access = access
         self._waiting: deque[_Job] = deque()
         self._running: _Job | None = None
         self._pauses: list[tuple[float, Future[None]]] = []
@@ -66,10 +66,10 @@ class Services:
 
     def give(self, what: str, begin: Callable[[], Future[T]]) -> Future[T]:
         """Returns the future of a job, which `begin` begins in its turn. `what` says human-readably what it does."""
-        session = self.reach.session_in_reach(what)
+        session = self.access.session_in_reach(what)
         if isinstance(session, UalError):
             return futures.failed(session)
-        return self.reach.give_it(what, lambda future: self._add(_Job(what, begin, future)))
+        return self.access.give_it(what, lambda future: self._add(_Job(what, begin, future)))
 
     def tick(self, now_s: float) -> None:
         """Begins what is due; to be called often."""
@@ -92,7 +92,7 @@ class Services:
 
         `what` is what it is called for. `doubt` says, human-readable, what is not known where it has not answered.
         """
-        answer = self.reach.call(service, arguments, limit_s)
+        answer = self.access.call(service, arguments, limit_s)
         return caught(answer, lambda error: futures.failed(explained(error, what, doubt)))
 
     def call_free(
@@ -133,19 +133,19 @@ class Services:
         if job.future.cancelled():
             return
         self._running = job
-        session = self.reach.session_in_reach(job.what)
+        session = self.access.session_in_reach(job.what)
         if isinstance(session, UalError):
             futures.fail(job.future, session)
             return
         try:
-            under_way = job.begin()
+            running = job.begin()
         except UalError as error:
             futures.fail(job.future, error)
             return
         except Exception as error:  # noqa: BLE001 - logged, and raised to the caller
             futures.fail(job.future, defect(job.what, error))
             return
-        pass_on(under_way, job.future)
+        pass_on(running, job.future)
 
 
 class BusyError(UalError):

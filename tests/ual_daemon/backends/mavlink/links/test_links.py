@@ -24,7 +24,7 @@ from tests.ual_daemon.backends.mavlink.endless_link import EndlessLink
 from tests.waiting import until
 from ual_daemon.backends.hosts import Host
 from ual_daemon.backends.mavlink.links import LinkConnection, make_link
-from ual_daemon.backends.mavlink.links.base import RECEIVED_BATCH_BYTES, Chunk, LinkError
+from ual_daemon.backends.mavlink.links.base import READ_BATCH_BYTES, Chunk, LinkError
 from ual_daemon.backends.mavlink.links.connection import LONGEST_RECONNECT_PAUSE_S, PEER_SILENCE_S
 from ual_daemon.backends.mavlink.links.endpoints import Endpoint, SerialEndpoint, parse_url
 from ual_daemon.settings import ConfigError
@@ -578,7 +578,7 @@ def test_a_flood_of_datagrams_is_received_in_bounded_batches_and_none_is_lost_to
             assert sum(map(len, batches)) == sent
             for batch in batches:
                 assert len(batch) <= 64
-                assert sum(len(data) for data, _ in batch) <= RECEIVED_BATCH_BYTES + size
+                assert sum(len(data) for data, _ in batch) <= READ_BATCH_BYTES + size
 
 
 def test_a_flood_on_a_stream_is_received_in_bounded_pieces() -> None:
@@ -589,7 +589,7 @@ def test_a_flood_on_a_stream_is_received_in_bounded_pieces() -> None:
             peer.sendall(b"x" * 100_000)
             pieces: list[bytes] = []
             run.until(lambda: pieces.append(run.step()) or len(run.got) == 100_000)  # type: ignore[func-returns-value]
-            assert max(map(len, pieces)) <= RECEIVED_BATCH_BYTES
+            assert max(map(len, pieces)) <= READ_BATCH_BYTES
 
 
 class Endless(EndlessLink):

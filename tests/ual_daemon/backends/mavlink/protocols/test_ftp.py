@@ -24,9 +24,9 @@ from ual_daemon.backends.mavlink.protocols.ftp_packet import BLOCK_BYTES, FtpNak
 from ual_daemon.backends.mavlink.protocols.ftp_steps import (
     GENTLE_DOWNLOAD_BYTES_S,
     MOST_BLOCKS,
-    MOST_REQUESTED_BLOCKS,
     PROGRESS_TIMEOUT_S,
     TRIES_COUNT,
+    WINDOW_BLOCKS,
 )
 from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import mavlink
@@ -139,7 +139,7 @@ def test_no_more_blocks_are_requested_at_once_than_an_autopilot_queues() -> None
     while not future.done():
         before = len(served.store.requests)
         served.step()
-        assert len(served.store.requests) - before <= MOST_REQUESTED_BLOCKS
+        assert len(served.store.requests) - before <= WINDOW_BLOCKS
 
 
 def test_the_file_stays_open_for_the_next_part_and_is_closed_after_that(served: Served) -> None:
