@@ -55,7 +55,7 @@ from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.frames.home_file import HomeFile
 from ual_daemon.services._derived import PartMembers, Parts, UavMembers
 from ual_daemon.settings import NAMESPACE_PATTERN, ConfigError, VehicleSettings
-from ual_daemon.vehicle.external_poses import CONTINUES_S
+from ual_daemon.vehicle.external_poses import CONTINUED_STREAM_S
 
 if TYPE_CHECKING:
     from ual_daemon.choice import ServedVehicle
@@ -278,7 +278,7 @@ class UAL(Uncopied, PartMembers, UavMembers):
     ) -> None:
         measured = ExternalPose(stamped_pose(pose), position_std_dev_m, orientation_std_dev_rad)
         poses, now_s = self.vehicle.external_poses, time.monotonic()
-        (poses.offer if now_s - self._external_pose_s < CONTINUES_S else poses.set)(measured)
+        (poses.offer if now_s - self._external_pose_s < CONTINUED_STREAM_S else poses.set)(measured)
         self._external_pose_s = now_s
 
     @override

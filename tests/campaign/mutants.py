@@ -128,7 +128,7 @@ def _patient() -> None:
     progress = "ual_daemon.flight.manoeuvres.progress_watch"
     _always(f"{progress}:Headway", "stuck_s", 0.0)()
     _always(f"{progress}:ProgressWatch", "observe", None)()
-    _changed("ual_daemon.flight.manoeuvres.take_off", "STUCK_S", lambda _: math.inf)
+    _changed("ual_daemon.flight.manoeuvres.take_off", "STUCK_TIME_S", lambda _: math.inf)
 
 
 def _crooked() -> None:

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import math
 
-NOTICED_S = 0.3
+NOTICED_SILENCE_S = 0.3
 """Sources send 20 poses a second, or more."""
 _STREAM_S = 1.0
 """Seconds of poses that make a source on which the UAV may fly."""
-_RELIED_ON_S = 20.0
+_RECENT_LOSS_S = 20.0
 """Seconds after the last pose within which a lost position may have rested on the poses: no autopilot goes on for
 longer.
 """
-_DOUBTED_S = 0.5
+_DOUBT_AGE_LIMIT_S = 0.5
 
 
 class ExternalSilence:
@@ -34,7 +34,7 @@ class ExternalSilence:
 
     def on_pose(self, now_s: float) -> None:
         """Notes that a pose was given to the autopilot."""
-        if self._last_s is None or now_s - self._last_s > NOTICED_S:
+        if self._last_s is None or now_s - self._last_s > NOTICED_SILENCE_S:
             self._since_s = now_s
         self._last_s, self.is_heard = now_s, True
 
@@ -54,7 +54,7 @@ class ExternalSilence:
     def doubt(self, now_s: float) -> str:
         """Returns why the poses that come are not to be trusted; empty if nothing shows it."""
         doubted_s, why = self._doubted
-        return why if now_s - doubted_s <= _DOUBTED_S else ""
+        return why if now_s - doubted_s <= _DOUBT_AGE_LIMIT_S else ""
 
     def passed_s(self, now_s: float) -> float:
         """Returns how long ago the last one came; infinity if none ever did."""
@@ -64,12 +64,12 @@ class ExternalSilence:
     def is_source(self, now_s: float) -> bool:
         """Returns whether they come, and have come for long enough to fly on them."""
         last_s = self._last_s
-        return last_s is not None and now_s - last_s <= NOTICED_S and last_s - self._since_s >= _STREAM_S
+        return last_s is not None and now_s - last_s <= NOTICED_SILENCE_S and last_s - self._since_s >= _STREAM_S
 
     def why_ended(self, now_s: float) -> str:
         """Returns how a source has ended, human-readable."""
         dropped_s, why = self._dropped
-        is_dropped = now_s - dropped_s <= NOTICED_S
+        is_dropped = now_s - dropped_s <= NOTICED_SILENCE_S
         return f"the poses from outside are dropped: {why}" if is_dropped else "no poses come from outside any more"
 
     def text(self, now_s: float) -> str:
@@ -78,9 +78,9 @@ class ExternalSilence:
         They explain it for a while, and then as long as it lasts where the position was lost meanwhile.
         """
         passed_s, (dropped_s, why) = self.passed_s(now_s), self._dropped
-        if passed_s <= NOTICED_S:
+        if passed_s <= NOTICED_SILENCE_S:
             return ""
-        if now_s - dropped_s <= NOTICED_S:
+        if now_s - dropped_s <= NOTICED_SILENCE_S:
             return f"; the poses from outside are dropped: {why}"
-        was_lost_soon = 0.0 <= self._good_s - (now_s - passed_s) <= _RELIED_ON_S
-        return f"; no poses from outside for {passed_s:.1f} s" if passed_s <= _RELIED_ON_S or was_lost_soon else ""
+        was_lost_soon = 0.0 <= self._good_s - (now_s - passed_s) <= _RECENT_LOSS_S
+        return f"; no poses from outside for {passed_s:.1f} s" if passed_s <= _RECENT_LOSS_S or was_lost_soon else ""

@@ -34,7 +34,7 @@ from ual_daemon.flight.explanation import Explanation
 from ual_daemon.flight.manoeuvres.fly_reference import FlyReference, ReferenceRules
 from ual_daemon.flight.manoeuvres.land import Landing
 from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Manoeuvre
-from ual_daemon.flight.manoeuvres.recover import ENTERED_S, Recover
+from ual_daemon.flight.manoeuvres.recover import MODE_ENTRY_S, Recover
 from ual_daemon.flight.manoeuvres.stand_by import Here, StandBy, TakeToStandBy
 from ual_daemon.flight.mission_stop import MissionStop
 from ual_daemon.flight.policy.arming import Arming
@@ -722,7 +722,7 @@ class Flight:
             return False
         withdrawn, since_s = self._withdrawn
         is_own = raw.state is withdrawn.declares or withdrawn.led_to(snapshot) is True
-        return is_own and raw.state is not State.FLYING_AUTO and snapshot.time_s - since_s <= ENTERED_S
+        return is_own and raw.state is not State.FLYING_AUTO and snapshot.time_s - since_s <= MODE_ENTRY_S
 
     def _withdraw(self, old: Manoeuvre | None, snapshot: Snapshot, raw: Estimate) -> None:
         error = TaskAbortedError(

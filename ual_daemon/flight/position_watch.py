@@ -18,11 +18,11 @@ _log = logging.getLogger(__name__)
 
 INERTIA_S = 12.0
 """Seconds for which no autopilot calls its estimate good without a source: PX4 does for 5 s, ArduPilot for 7."""
-GONE_S = 0.3
+LOST_POSITION_S = 0.3
 """A fix that is gone for less is none that was lost."""
-BACK_S = 1.0
+RECOVERED_POSITION_S = 1.0
 """Seconds after which a source that has come back counts."""
-PERIOD_S = 0.1
+CHECK_PERIOD_S = 0.1
 DRIFTS = "the position drifts"
 
 
@@ -44,7 +44,7 @@ class _PositionSource:
             return False
         if is_there:
             self._back_s = now_s if self._back_s is None else self._back_s
-            if self._gone_s is None or now_s - self._back_s >= BACK_S:
+            if self._gone_s is None or now_s - self._back_s >= RECOVERED_POSITION_S:
                 self._gone_s = None
                 return False
         else:
@@ -72,14 +72,14 @@ class PositionWatch:
         self.waits = ""
         """The same, as far as tasks wait for its end."""
         self._boots_count, self._fix, self._lost = 0, "", (False, False)
-        self._satellites, self._outside = _PositionSource(GONE_S), _PositionSource(0.0)
+        self._satellites, self._outside = _PositionSource(LOST_POSITION_S), _PositionSource(0.0)
 
     def update(self, snapshot: Snapshot) -> None:
         """Makes one update."""
         if snapshot.link.boots_count != self._boots_count:
             self._boots_count = snapshot.link.boots_count
-            self._satellites, self._outside = _PositionSource(GONE_S), _PositionSource(0.0)
-        self.due_s = snapshot.time_s + PERIOD_S
+            self._satellites, self._outside = _PositionSource(LOST_POSITION_S), _PositionSource(0.0)
+        self.due_s = snapshot.time_s + CHECK_PERIOD_S
         now_s, gps, control = snapshot.time_s, snapshot.condition.gps, snapshot.control
         has_fix = gps is not None and gps.fix >= GpsFix.FIX_3D
         no_fix = outside = ""

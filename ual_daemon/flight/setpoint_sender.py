@@ -13,7 +13,7 @@ from ual_daemon.flight.policy.dropped_positions import DroppedPositions
 from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.tracker.setpoint_adaptation import adapted
 
-_DUE_SHARE = 0.9
+_DUE_PERIOD_SHARE = 0.9
 """An update sends a setpoint if none was sent for this share of the period: a margin for the jitter of the updates."""
 
 LONGEST_BLIND_S = 0.25
@@ -42,7 +42,7 @@ class SetpointSender:
 
     def send_if_due(self, of: Manoeuvre, setpoint: Setpoint, snapshot: Snapshot) -> None:
         """Sends a setpoint, unless one was sent within the period of the backend's `setpoint_rate_hz`."""
-        if snapshot.time_s - self._sent_s >= _DUE_SHARE / self._backend.info().setpoint_rate_hz:
+        if snapshot.time_s - self._sent_s >= _DUE_PERIOD_SHARE / self._backend.info().setpoint_rate_hz:
             self.send(of, setpoint, snapshot)
 
     def send(self, of: Manoeuvre, setpoint: Setpoint, snapshot: Snapshot) -> None:

@@ -13,7 +13,7 @@ _SCHEDULING_GAP_S = 0.5
 """A backend publishes every 0.1 s at least; one that has not for this long is starved."""
 _STILL_M_S, _AT_HOME_M = 0.4, 0.8
 """Speed below which a UAV stands still, and the height over its home below which it may then lie on the ground."""
-_LEAST_LEVEL = math.cos(math.radians(70.0))
+_LARGEST_TILT_COSINE = math.cos(math.radians(70.0))
 """Cosine of a tilt in which nothing stands still in the air."""
 _FLYING_AUTO, _TAKING_OFF, _LANDING = State.FLYING_AUTO, State.TAKING_OFF, State.LANDING
 _IN_AIR, _ON_GROUND = LandedState.IN_AIR, LandedState.ON_GROUND
@@ -85,7 +85,7 @@ def _why_it_stands(snapshot: Snapshot) -> str:
     if velocity is None or pose is None or velocity.value.linear.norm() > _STILL_M_S:
         return ""
     x, y, *_ = pose.value.orientation
-    if 1.0 - 2.0 * (x * x + y * y) < _LEAST_LEVEL:
+    if 1.0 - 2.0 * (x * x + y * y) < _LARGEST_TILT_COSINE:
         return "; it stands still, tilted as nothing flies, and lies on the ground"
     projection, home_m = snapshot.earth.projection, snapshot.earth.home_altitude_amsl_m
     if projection is None or home_m is None:

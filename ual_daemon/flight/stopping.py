@@ -20,7 +20,7 @@ from ual_daemon.trajectory import Motion, Trajectory
 
 _NEAR_REFERENCE_M = 1.0
 _NEAR_REFERENCE_S = 0.5
-_SOON_COUNT = 60
+_CHECKED_POINTS_COUNT = 60
 """Points of a trajectory that are checked: farther ahead than it takes to stop."""
 
 
@@ -76,7 +76,7 @@ class Stopping:
         trajectory, limits = current.trajectory, self._limits.get()
         points = self._geofence.outline(trajectory, current.time_s, start.position, limits, snapshot)
         fence = self._geofence.fence(snapshot)
-        return fence.is_inside(start.position) and fence.exit(islice(points, _SOON_COUNT)) is not None
+        return fence.is_inside(start.position) and fence.exit(islice(points, _CHECKED_POINTS_COUNT)) is not None
 
     def _leaves_geofence(self, trajectory: Trajectory, snapshot: Snapshot) -> bool:
         """Returns whether a trajectory leaves the geofence; no if it is not known where the geofence lies."""

@@ -26,7 +26,7 @@ class Progress(NamedTuple):
 
 
 _NO_PROGRESS: Callable[[], Progress] = Progress
-_REMEMBERED_COUNT = 200
+_MOST_REMEMBERED_TASKS = 200
 
 
 class VehicleTask:
@@ -120,7 +120,7 @@ class Tasks:
                 if isinstance(each, VehicleTask) and each.future.done():
                     self._tasks[each.id] = _remembered(each)
             self._tasks[task.id] = task
-            if len(self._tasks) > _REMEMBERED_COUNT:
+            if len(self._tasks) > _MOST_REMEMBERED_TASKS:
                 self._tasks.popitem(last=False)
         about = {"ual.task_id": task.id, "ual.task": description}
         end_trace = traces.begin(f"task: {kind.name.lower()}", traces.current(), about)

@@ -16,7 +16,7 @@ from ual_daemon.settings import ConfigError
 if TYPE_CHECKING:
     from shapely.geometry.base import BaseGeometry
 
-MARGIN_M = 0.001
+EDGE_M = 0.001
 """A point that lies beyond the edge by no more than this (roundings between frames) counts as on the edge."""
 
 Point2 = tuple[float, float]
@@ -68,7 +68,7 @@ class Area:
 
         Raises `ConfigError` if the polygon crosses itself or has no area.
         """
-        self._zones = tuple(_named(zones, reserve_m - MARGIN_M, unites_inclusions=unites_inclusions)) if zones else ()
+        self._zones = tuple(_named(zones, reserve_m - EDGE_M, unites_inclusions=unites_inclusions)) if zones else ()
         self._inside = _polygon(corners) if corners else None
         self._obstacle: BaseGeometry | None = None
         if self._zones:
@@ -242,7 +242,7 @@ def _edge_between(a: Point2, b: Point2) -> BaseGeometry:
 
 
 def _is_convex(shape: BaseGeometry) -> bool:
-    return bool(shape.convex_hull.area - shape.area < MARGIN_M * shape.length)
+    return bool(shape.convex_hull.area - shape.area < EDGE_M * shape.length)
 
 
 def _polygon(corners: Sequence[Point2]) -> BaseGeometry:
@@ -252,4 +252,4 @@ def _polygon(corners: Sequence[Point2]) -> BaseGeometry:
     if not polygon.is_valid or polygon.area == 0.0:
         why = shapely.is_valid_reason(polygon) if not polygon.is_valid else "it has no area"
         raise ConfigError(f"is no polygon: {why}", "geofence")
-    return polygon.buffer(MARGIN_M, join_style="mitre")
+    return polygon.buffer(EDGE_M, join_style="mitre")

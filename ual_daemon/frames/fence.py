@@ -9,8 +9,8 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from ual.geometry import Vector3
-from ual_daemon.frames.area import MARGIN_M, Area, LocalZone, Point2
-from ual_daemon.frames.room import SURE_M, Point3, Room
+from ual_daemon.frames.area import EDGE_M, Area, LocalZone, Point2
+from ual_daemon.frames.room import ROUNDING_MARGIN_M, Point3, Room
 
 
 class Disc(NamedTuple):
@@ -22,7 +22,7 @@ class Disc(NamedTuple):
 
     def beyond_m(self, point: Vector3) -> float:
         """Returns how far outside a point is; negative inside."""
-        return math.hypot(point.x - self.x, point.y - self.y) - self.radius_m - MARGIN_M
+        return math.hypot(point.x - self.x, point.y - self.y) - self.radius_m - EDGE_M
 
     def nearest_m(self, a: Vector3, b: Vector3) -> float:
         """Returns how far outside the nearest point of a segment is; negative inside."""
@@ -51,7 +51,7 @@ class Fence:
         """Corners of the polygon; the zones that cut it have others."""
         self._area = Area(corners)
         self.disc: Disc | None = None
-        self._lowest_m, self._highest_m = lowest_m - MARGIN_M, highest_m + MARGIN_M
+        self._lowest_m, self._highest_m = lowest_m - EDGE_M, highest_m + EDGE_M
 
     def cut(self, zones: Sequence[LocalZone], reserve_m: float, *, unites_inclusions: bool) -> Fence:
         """Returns the part that the zones leave, with a reserve; see `Area`. Takes some milliseconds."""
@@ -62,20 +62,20 @@ class Fence:
     def narrowed(self, lowest_m: float, highest_m: float, disc: Disc | None = None) -> Fence:
         """Returns the part of the fence that is in another height band, and in a disc, too."""
         part = copy.copy(self)  # with the same area, which is expensive to prepare
-        part._lowest_m = max(self._lowest_m, lowest_m - MARGIN_M)  # noqa: SLF001  a Fence
-        part._highest_m = min(self._highest_m, highest_m + MARGIN_M)  # noqa: SLF001  a Fence
+        part._lowest_m = max(self._lowest_m, lowest_m - EDGE_M)  # noqa: SLF001  a Fence
+        part._highest_m = min(self._highest_m, highest_m + EDGE_M)  # noqa: SLF001  a Fence
         part.disc = disc or self.disc
         return part
 
     @property
     def lowest_m(self) -> float:
         """The bottom of the height band."""
-        return self._lowest_m + MARGIN_M
+        return self._lowest_m + EDGE_M
 
     @property
     def highest_m(self) -> float:
         """The top of the height band."""
-        return self._highest_m - MARGIN_M
+        return self._highest_m - EDGE_M
 
     @property
     def is_nowhere(self) -> bool:
@@ -142,7 +142,7 @@ class Fence:
         sides = self._area.sides_around(points)
         if sides is None:
             return None
-        disc = self.disc and (self.disc.x, self.disc.y, (self.disc.radius_m + MARGIN_M - SURE_M) ** 2)
+        disc = self.disc and (self.disc.x, self.disc.y, (self.disc.radius_m + EDGE_M - ROUNDING_MARGIN_M) ** 2)
         room = Room(sides, self._lowest_m, self._highest_m, disc)
         return room if room.has(points) else None
 

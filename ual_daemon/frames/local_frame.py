@@ -30,7 +30,7 @@ OLDEST_HOME_S = 12 * 3600.0
 """A home that was saved longer ago is of another day, and is forgotten."""
 FARTHEST_HOME_M = 1000.0
 """Metres between a UAV and its saved home beyond which it was brought to another field."""
-_NOTICED_M = 0.05
+_NOTICED_MOVE_M = 0.05
 
 
 def _nothing() -> None:
@@ -204,7 +204,7 @@ class LocalFrame:
     def _home_in(self, projection: Projection, now_s: float) -> Anchor:
         """Returns home in a local frame that lies elsewhere on Earth now."""
         before, home = self.home, self._followed(self.home, projection)
-        if home is not before and (before.loss is not None or (home.local - before.local).norm() > _NOTICED_M):
+        if home is not before and (before.loss is not None or (home.local - before.local).norm() > _NOTICED_MOVE_M):
             x, y, z = home.local
             self._home_followed.note(now_s, x=round(x, 2), y=round(y, 2), z=round(z, 2))
             if not self._is_kept:  # it stays where it is on Earth: it is saved once

@@ -19,9 +19,9 @@ from typing_extensions import override
 from ual.geometry import IDENTITY, Quaternion, Transform, Vector3
 from ual_daemon.geodesy import EllipsoidProjection, Projection
 
-_WIDEST_M = 10_000.0
-_LEAST_WIDE_M = 300.0
-_ERROR_M = 0.0005
+_LARGEST_RANGE_M = 10_000.0
+_LEAST_RANGE_M = 300.0
+_FIT_TOLERANCE_M = 0.0005
 """Error in metres within which polynomials replace the geodesics, of which each costs a tenth of a millisecond."""
 
 _Map = Callable[[float, float], tuple[float, float]]
@@ -130,11 +130,11 @@ class FrameInLocal:
 
 def _fitted(exact: _Map) -> tuple[tuple[_Coefficients, _Coefficients], float]:
     """Returns polynomials for a map that leaves 0 where it is, and within how many metres of 0 in x and y they hold."""
-    reach_m = _WIDEST_M
-    while reach_m >= _LEAST_WIDE_M:
+    reach_m = _LARGEST_RANGE_M
+    while reach_m >= _LEAST_RANGE_M:
         cubics = _cubics(exact, reach_m / 2.0)
         if all(
-            math.dist(_evaluate(cubics, x * reach_m, y * reach_m), exact(x * reach_m, y * reach_m)) <= _ERROR_M
+            math.dist(_evaluate(cubics, x * reach_m, y * reach_m), exact(x * reach_m, y * reach_m)) <= _FIT_TOLERANCE_M
             for x, y in ((1.0, 1.0), (-1.0, 1.0), (1.0, -1.0), (-1.0, -1.0), (0.75, 0.25), (-0.25, 0.75))
         ):
             return cubics, reach_m

@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     import numpy.typing as npt
     from shapely.geometry.base import BaseGeometry
 
-_DIGITS = 9
-SURE_M = 1e-6
+_DECIMALS = 9
+ROUNDING_MARGIN_M = 1e-6
 """A room ends this far before the edge, so that no rounding matters."""
 
 Point3 = tuple[float, float, float]
@@ -90,20 +90,20 @@ def sides_around(points: Sequence[Point3], edges: Edges) -> tuple[Side, ...] | N
     import shapely
 
     # Rounded, as two points that almost coincide divide GEOS by zero; `Room.has` is asked of the exact ones.
-    hull = shapely.MultiPoint([(round(x, _DIGITS), round(y, _DIGITS)) for x, y, _ in points]).convex_hull
+    hull = shapely.MultiPoint([(round(x, _DECIMALS), round(y, _DECIMALS)) for x, y, _ in points]).convex_hull
     ways, ends = shapely.get_coordinates(shapely.shortest_line(hull, edges.lines)).reshape(-1, 2, 2), edges.ends
     distances = np.hypot(*(ways[:, 1] - ways[:, 0]).T)
     sides: list[Side] = []
     while len(distances):
         nearest = int(distances.argmin())
         distance_m = float(distances[nearest])
-        if distance_m <= 2 * SURE_M:
+        if distance_m <= 2 * ROUNDING_MARGIN_M:
             return None
         (ax, ay), (bx, by) = ways[nearest].tolist()
         nx, ny = (bx - ax) / distance_m, (by - ay) / distance_m
         at_m = bx * nx + by * ny
-        sides.append(Side(nx, ny, at_m - SURE_M))
-        is_left = (ends[:, :, 0] * nx + ends[:, :, 1] * ny).min(axis=1) < at_m - SURE_M / 2
+        sides.append(Side(nx, ny, at_m - ROUNDING_MARGIN_M))
+        is_left = (ends[:, :, 0] * nx + ends[:, :, 1] * ny).min(axis=1) < at_m - ROUNDING_MARGIN_M / 2
         if is_left[nearest]:
             return None  # by roundings, as where the edge is very long and very near
         ways, ends, distances = ways[is_left], ends[is_left], distances[is_left]

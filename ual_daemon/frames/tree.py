@@ -20,10 +20,10 @@ MOST_LEVELS = 32
 """Levels below ``map``. Each level costs time with every pose that is requested in a frame below it."""
 EXTRAPOLATION_S = 0.5
 """Seconds after its last update for which a client's frame goes on at its velocity; then it stands still."""
-_UPDATED_S = 2.0 * EXTRAPOLATION_S
+_UPDATE_GAP_S = 2.0 * EXTRAPOLATION_S
 """Updates that are no further apart tell that a frame moves, also while it stands. Others put it elsewhere."""
-_SMOOTHING_S = 0.2
-_FASTEST_M_S = 100.0
+_VELOCITY_SMOOTHING_S = 0.2
+_FASTEST_FRAME_M_S = 100.0
 """A frame that seems to move faster has not moved: the client has put it elsewhere."""
 
 
@@ -326,17 +326,17 @@ def _estimated_motion(old: _Link | None, link: Transform, now_s: float) -> Frame
     are_stamped = before.stamp_s > 0.0 and link.stamp_s > 0.0
     passed_s = link.stamp_s - before.stamp_s if are_stamped else now_s - old.updated_s
     is_same = before.translation == link.translation and before.rotation == link.rotation
-    if old.motion is None and is_same and passed_s > _UPDATED_S:  # a program that starts again adds its frames again
+    if old.motion is None and is_same and passed_s > _UPDATE_GAP_S:  # a program that starts again adds its frames again
         return None
     last = old.motion or FrameMotion(now_s)
     if passed_s <= 0.0:  # a repeated update, or one out of order
         return replace(last, since_s=now_s)
     velocity = (link.translation - before.translation) / passed_s
     yaw_rate_rad_s = wrap_angle((link.rotation * before.rotation.inverse()).yaw_rad) / passed_s
-    if velocity.norm() > _FASTEST_M_S or passed_s > _UPDATED_S:
+    if velocity.norm() > _FASTEST_FRAME_M_S or passed_s > _UPDATE_GAP_S:
         return FrameMotion(now_s)
     # The first time, too: two updates close in time do not give a good velocity.
-    share = passed_s / (passed_s + _SMOOTHING_S)
+    share = passed_s / (passed_s + _VELOCITY_SMOOTHING_S)
     return FrameMotion(
         now_s,
         last.velocity + (velocity - last.velocity) * share,

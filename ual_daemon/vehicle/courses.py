@@ -21,9 +21,9 @@ from ual_daemon.settings import VehicleSettings
 from ual_daemon.trajectory import Motion, PathWaypoint, Trajectory, path
 from ual_daemon.vehicle.return_plan import ReturnPlan, plan_return
 
-LONG_COUNT = 200
+LONG_PATH_WAYPOINTS = 200
 """A path of more waypoints takes more than 15 ms to plan, 30 ms inside a fence."""
-_BEFORE_S = 1e-6
+_EDGE_S = 1e-6
 _SAME_HEIGHT_M = 0.25
 """Height difference in metres that counts as none; PX4 corrects its home by less at a time."""
 
@@ -82,7 +82,7 @@ class PathCourse(Course):
     @property
     @override
     def is_long(self) -> bool:
-        return len(self._waypoints) > LONG_COUNT
+        return len(self._waypoints) > LONG_PATH_WAYPOINTS
 
     @override
     def is_outdated(self, flown: CourseProgress, snapshot: Snapshot) -> bool:
@@ -116,10 +116,10 @@ class PathCourse(Course):
             (stop_s for stop_s, hold_s in trajectory.holds_s.items() if 0.0 < time_s - stop_s < hold_s), None
         )
         if begun_s is not None:  # it holds: the rest of the hold is left
-            number = trajectory.waypoint_at(begun_s - _BEFORE_S)
+            number = trajectory.waypoint_at(begun_s - _EDGE_S)
             left_s = begun_s + trajectory.holds_s[begun_s] - time_s
             return number, [replace(self._waypoints[number], hold_s=left_s), *self._waypoints[number + 1 :]]
-        number = trajectory.waypoint_at(time_s - _BEFORE_S if flown.is_waiting else self._after_corner_s(flown))
+        number = trajectory.waypoint_at(time_s - _EDGE_S if flown.is_waiting else self._after_corner_s(flown))
         return number, self._waypoints[number:]
 
     @staticmethod

@@ -17,7 +17,7 @@ from ual_daemon.tracker.references import measured_motion
 from ual_daemon.trajectory import PathWaypoint
 
 _SETTING = {"setting": "reach_m"}
-_KM = 1000.0
+_M_PER_KM = 1000.0
 _POLE_DEG = 90.0
 _ZERO = "latitude and longitude 0 are what is left where none were given"
 
@@ -108,4 +108,4 @@ def _require_meant(settings: VehicleSettings) -> None:
 
 
 def _text(distance_m: float) -> str:
-    return f"{distance_m / _KM:,.1f} km" if distance_m >= _KM else f"{distance_m:.0f} m"
+    return f"{distance_m / _M_PER_KM:,.1f} km" if distance_m >= _M_PER_KM else f"{distance_m:.0f} m"

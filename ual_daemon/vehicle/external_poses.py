@@ -16,18 +16,18 @@ from ual_daemon.backends import values
 from ual_daemon.backends.base import Backend
 from ual_daemon.flight.external_silence import ExternalSilence
 from ual_daemon.frames.resolver import FrameResolver
-from ual_daemon.vehicle.pose_gate import SHORTEST_S, Drop, PoseGate
+from ual_daemon.vehicle.pose_gate import POSE_GAP_S, Drop, PoseGate
 from ual_daemon.vehicle.pose_sources import PoseSources
 from ual_daemon.vehicle.preconditions import Preconditions
 
 _log = logging.getLogger(__name__)
 
-CONTINUES_S = 0.5
+CONTINUED_STREAM_S = 0.5
 """A pose that a caller gives within this time of its last one belongs to a stream; the client has the same."""
-_MOST_STD_DEV = 1000.0
+_MOST_STD_DEV_VALUE = 1000.0
 _SPEED_FACTOR = 2.0
 """By wind and in braking a UAV is faster than the limits with which the autopilot flies."""
-_GAINED_M_S = 3.0
+_SPEED_MARGIN_M_S = 3.0
 """By how much it may be faster than its newest velocity, which is a moment old."""
 _VELOCITY_S = 0.5
 """An older velocity of the autopilot says nothing."""
@@ -35,7 +35,7 @@ _STEPS_S = 1.0
 """Seconds between two log lines about steps."""
 _NAME = "set_external_pose"
 _SIMULATED = "simulated time is not that of your clock: give no stamp (0), and it counts as measured just now"
-_TOO_SOON = Drop("it comes too soon after the one before", f"at most {1.0 / SHORTEST_S:g} a second are passed on")
+_TOO_SOON = Drop("it comes too soon after the one before", f"at most {1.0 / POSE_GAP_S:g} a second are passed on")
 
 
 class ExternalPoses:
@@ -160,7 +160,7 @@ class ExternalPoses:
     def _fastest_m_s(self, velocity: Vector3 | None) -> float:
         """Returns the highest speed at which the UAV may move now: little more than it flies, where that is known."""
         if velocity is not None:
-            return velocity.norm() + _GAINED_M_S
+            return velocity.norm() + _SPEED_MARGIN_M_S
         limits = self._backend.info().limits
         fastest_m_s = max(limits.horizontal_speed_m_s, limits.climb_speed_m_s, limits.descent_speed_m_s)
         return _SPEED_FACTOR * fastest_m_s
@@ -179,4 +179,4 @@ class ExternalPoses:
 
 
 def _std_dev(value: float | None, field: str) -> float | None:
-    return None if value is None else validation.positive(value, field, at_most=_MOST_STD_DEV)
+    return None if value is None else validation.positive(value, field, at_most=_MOST_STD_DEV_VALUE)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from ual_daemon import logs
 from ual_daemon.backends.values import VehicleInfo
 
-LOOK_S = 1.0
+CHECK_PERIOD_S = 1.0
 """Seconds between two looks until it is known whether the autopilot has a fence."""
 
 _log = logging.getLogger(__name__)
@@ -26,7 +26,7 @@ class FenceNotice:
         """Looks, now and then. To be called at each update."""
         if now_s < self._next_s:
             return
-        self._next_s = now_s + LOOK_S
+        self._next_s = now_s + CHECK_PERIOD_S
         applies = self._info().applies_fence
         if applies is None:
             return

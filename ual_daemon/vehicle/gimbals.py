@@ -30,9 +30,9 @@ from ual_daemon.frames.resolver import FrameResolver, Goal
 
 _log = logging.getLogger(__name__)
 
-FOLLOW_S = 0.05
+TRACKING_PERIOD_S = 0.05
 """Seconds between two aims of a gimbal that follows, ..."""
-LOOK_S = 0.5
+CHECK_PERIOD_S = 0.5
 """... and between two searches for new gimbals before there was an order."""
 _STRAIGHT_RAD = 1e-3
 """Angle in rad from straight down or up within which roll and yaw are one turn: all of it counts as yaw."""
@@ -129,7 +129,7 @@ class UavGimbals:
 
     def update(self, snapshot: Snapshot) -> None:
         """Adds the frames of gimbals that are new, and aims those that follow."""
-        self.due_s = snapshot.time_s + (FOLLOW_S if self._orders else LOOK_S)
+        self.due_s = snapshot.time_s + (TRACKING_PERIOD_S if self._orders else CHECK_PERIOD_S)
         self.attach()
         for number, order in list(self._orders.items()):
             self._step(number, self._all()[number], order, snapshot)

@@ -14,7 +14,7 @@ from ual_daemon.frames.odom_metres import FrameInLocal
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.frames.tree import MAP
 
-_LEVEL = 1e-6
+_LEVEL_TOLERANCE = 1e-6
 
 
 def geofence_in_map(geofence: policy.GeofencePolicy, resolver: FrameResolver, snapshot: Snapshot) -> Geofence:
@@ -57,7 +57,7 @@ def route_in_map(flight: Flight, resolver: FrameResolver, snapshot: Snapshot) ->
 def _level_map(resolver: FrameResolver) -> FrameInLocal:
     in_local = resolver.in_local(MAP)
     up = in_local.rotation.rotate(Vector3(0.0, 0.0, 1.0))
-    if math.hypot(up.x, up.y) > _LEVEL:
+    if math.hypot(up.x, up.y) > _LEVEL_TOLERANCE:
         raise WrongStateError(f"the geofence cannot be told in {MAP}: the UAV's local frame is not level there")
     return in_local
 

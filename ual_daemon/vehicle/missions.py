@@ -39,9 +39,9 @@ _log = logging.getLogger(__name__)
 
 _ENDS_OF_DAEMON = ("shutdown", "close")
 _COMMANDED = "UAL was commanded anew"
-AGAIN_S = 1.0
+DOWNLOAD_RETRY_S = 1.0
 """A mission that could not be read is requested again after this."""
-_ASIDE_M = 10.0
+_PATH_DISTANCE_M = 10.0
 """Metres by which a mission's take-off may be off the UAV's position; satellite positions err by a few metres."""
 
 
@@ -305,7 +305,7 @@ class Missions:
         if gone:
             self._forget(gone)
         elif self._finding is None and snapshot.time_s >= self._next_s:
-            self._finding, self._next_s = offer.download(), snapshot.time_s + AGAIN_S
+            self._finding, self._next_s = offer.download(), snapshot.time_s + DOWNLOAD_RETRY_S
         elif self._finding is not None and self._finding.done():
             self._on_found(lost, offer, self._finding)
 
@@ -374,7 +374,7 @@ def _require_here(begins: TakeOff, snapshot: Snapshot) -> None:
         begins.latitude_deg, begins.longitude_deg, 0.0
     )
     aside_m = math.hypot(aside.x, aside.y)
-    if aside_m > _ASIDE_M:
+    if aside_m > _PATH_DISTANCE_M:
         raise WrongStateError(
             f"{NAME}: its take-off leads {aside_m:.0f} m aside, to where the UAV stood at the upload, or to a place of "
             "its own: upload it again here, and fly there by a waypoint",

@@ -36,7 +36,7 @@ from ual_daemon.flight.manoeuvres.follow_moving_goal import FollowMovingGoal
 from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre
 from ual_daemon.flight.manoeuvres.recover import RecoverFirst
 from ual_daemon.flight.manoeuvres.return_to_launch import ReturnManoeuvre
-from ual_daemon.flight.policy.ground import SEEN_NOISE_M
+from ual_daemon.flight.policy.ground import MEASURED_NOISE_M
 from ual_daemon.flight.refusals import on_mission
 from ual_daemon.flight.tasks import Tasks, VehicleTask
 from ual_daemon.frames.resolver import FrameResolver, Goal
@@ -155,7 +155,7 @@ class Planner:
     def _height_text(self, goal: Goal, local: PathWaypoint) -> str:
         """Says how high a goal is above the ground of the take-off, where its z does not say so; else empty."""
         ground_m = self._flight.geofence.ground.z_m
-        if ground_m is None or abs(local.position.z - ground_m - goal.position.z) < SEEN_NOISE_M:
+        if ground_m is None or abs(local.position.z - ground_m - goal.position.z) < MEASURED_NOISE_M:
             return ""
         height_m = local.position.z - ground_m
         return f" ({abs(height_m):.1f} m {'below' if height_m < 0.0 else 'above'} the ground of the take-off)"

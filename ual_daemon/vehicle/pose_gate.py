@@ -7,21 +7,21 @@ from typing import NamedTuple
 
 from ual.geometry import Pose
 
-OLDEST_S = 0.2
+OLDEST_POSE_S = 0.2
 """Age in seconds from which a pose says only where the UAV was. Autopilots keep about so much of the past."""
 FUTURE_S = 0.05
 """Seconds by which the clock of the source may be ahead."""
-SHORTEST_S = 0.004
+POSE_GAP_S = 0.004
 """Poses are passed on 250 times a second at most: no autopilot uses more, and links and computers have other work."""
 _TICK_S = 0.001
 """The time of a stamp is taken on another clock, so that the same stamp comes out a little differently each time."""
 LEAST_SPEED_M_S = 5.0
 """Speed in m/s at which a UAV may be carried, or pushed by wind, whatever it flies with."""
-_FASTEST_RAD_S = 35.0
-MARGIN_M = 0.25
-_MARGIN_RAD = 0.35
-_SIGMAS = 3.0
-SETTLED_S = 1.0
+_FASTEST_TURN_RAD_S = 35.0
+POSITION_MARGIN_M = 0.25
+_ANGLE_MARGIN_RAD = 0.35
+_STD_DEV_FACTOR = 3.0
+SETTLED_TIME_S = 1.0
 """Seconds for which poses must go on elsewhere to be no mistake: the source has moved its origin, or the UAV was
 carried.
 """
@@ -57,8 +57,8 @@ class PoseGate:
     def untimely(self, time_s: float, now_s: float) -> Drop | None:
         """Returns why a pose that was measured at a time cannot be used; None if it can."""
         age_s = now_s - time_s
-        if age_s > OLDEST_S:
-            return Drop("it is old", f"measured {age_s:.2f} s ago, at most {OLDEST_S:g} s; {self._advice}")
+        if age_s > OLDEST_POSE_S:
+            return Drop("it is old", f"measured {age_s:.2f} s ago, at most {OLDEST_POSE_S:g} s; {self._advice}")
         if age_s < -FUTURE_S:
             return Drop("it is in the future", f"its stamp is {-age_s:.2f} s ahead; {self._advice}")
         if self._last is not None and time_s < self._last.time_s - _TICK_S:
@@ -68,7 +68,7 @@ class PoseGate:
 
     def is_too_soon(self, time_s: float) -> bool:
         """Returns whether a timely pose comes so soon after the last one that the autopilot has no use for it."""
-        return self._last is not None and time_s - self._last.time_s < SHORTEST_S
+        return self._last is not None and time_s - self._last.time_s < POSE_GAP_S
 
     def jump(self, pose: Pose, time_s: float, std_dev_m: float, fastest_m_s: float) -> Drop | None:
         """Notes a timely pose. Returns how it jumps, if it is not to be used; None if it is.
@@ -92,7 +92,7 @@ class PoseGate:
         if elsewhere is None or not _is_airborne(elsewhere, seen, std_dev_m, fastest_m_s):
             self._elsewhere_since_s = seen.time_s
             return False
-        is_settled = seen.time_s - self._elsewhere_since_s >= SETTLED_S
+        is_settled = seen.time_s - self._elsewhere_since_s >= SETTLED_TIME_S
         self.resets_count += is_settled
         return is_settled
 
@@ -108,16 +108,16 @@ def _is_nearer(elsewhere: _ReceivedPose, last: _ReceivedPose, seen: _ReceivedPos
 
 def _measure(begin: Pose, end: Pose) -> float:
     """Returns the distance between two poses in allowed margins of position and orientation."""
-    return (end.position - begin.position).norm() / MARGIN_M + _angle_rad(begin, end) / _MARGIN_RAD
+    return (end.position - begin.position).norm() / POSITION_MARGIN_M + _angle_rad(begin, end) / _ANGLE_MARGIN_RAD
 
 
 def _is_airborne(begin: _ReceivedPose, end: _ReceivedPose, std_dev_m: float, fastest_m_s: float) -> bool:
     """Returns whether a vehicle can have moved from one to the other."""
     passed_s = end.time_s - begin.time_s
-    way_m = MARGIN_M + _SIGMAS * std_dev_m + fastest_m_s * passed_s
+    way_m = POSITION_MARGIN_M + _STD_DEV_FACTOR * std_dev_m + fastest_m_s * passed_s
     if (end.pose.position - begin.pose.position).norm() > way_m:
         return False
-    return _angle_rad(begin.pose, end.pose) <= _MARGIN_RAD + _FASTEST_RAD_S * passed_s
+    return _angle_rad(begin.pose, end.pose) <= _ANGLE_MARGIN_RAD + _FASTEST_TURN_RAD_S * passed_s
 
 
 def _apart(begin: _ReceivedPose, end: _ReceivedPose) -> str:

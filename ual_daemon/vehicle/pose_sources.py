@@ -11,16 +11,16 @@ from typing import NamedTuple
 
 from ual.geometry import Vector3
 
-STEP_M = 0.15
+SOURCE_STEP_M = 0.15
 """Less than this is noise of a source that does not say how noisy it is."""
-_SIGMAS = 3.0
-SLACK_M_S = 2.0
+_STD_DEV_FACTOR = 3.0
+SPEED_SLACK_M_S = 2.0
 """By how much the autopilot's velocity may be wrong, or change from one pose to the next."""
-UNKNOWN_M_S = 5.0
+UNKNOWN_SPEED_M_S = 5.0
 """The same where its velocity is not known."""
 RETURNS_COUNT = 3
-"""Returns, or turns of callers, within `WINDOW_S` that prove two sources."""
-WINDOW_S = 1.0
+"""Returns, or turns of callers, within `SOURCE_WINDOW_S` that prove two sources."""
+SOURCE_WINDOW_S = 1.0
 _OWN = "this process"
 
 
@@ -63,7 +63,7 @@ class PoseSources:
         left, self._left = self._left, last
         if (
             left is not None
-            and time_s - left.time_s <= WINDOW_S
+            and time_s - left.time_s <= SOURCE_WINDOW_S
             and not _deviation_m(left, self._last, std_dev_m, velocity)
         ):
             self._returns_s.append(time_s)
@@ -72,7 +72,7 @@ class PoseSources:
 
     def two(self, now_s: float) -> str:
         """Returns that there are two sources, and which, human-readable; empty if nothing shows that."""
-        begin_s = now_s - WINDOW_S
+        begin_s = now_s - SOURCE_WINDOW_S
         if len(self._turns) == RETURNS_COUNT and self._turns[0][0] >= begin_s:
             callers = {self._caller or "", *(each for _, each in self._turns)}
             return f"poses from outside come from {' and '.join(sorted(each or _OWN for each in callers))}"
@@ -86,5 +86,5 @@ def _deviation_m(begin: SourcePose, end: SourcePose, std_dev_m: float, velocity:
     passed_s = max(0.0, end.time_s - begin.time_s)
     way = Vector3() if velocity is None else velocity * passed_s
     beside_m = (end.position - begin.position - way).norm()
-    slack_m_s = UNKNOWN_M_S if velocity is None else SLACK_M_S
-    return beside_m if beside_m > STEP_M + _SIGMAS * std_dev_m + slack_m_s * passed_s else 0.0
+    slack_m_s = UNKNOWN_SPEED_M_S if velocity is None else SPEED_SLACK_M_S
+    return beside_m if beside_m > SOURCE_STEP_M + _STD_DEV_FACTOR * std_dev_m + slack_m_s * passed_s else 0.0

@@ -25,7 +25,7 @@ from ual_daemon.frames.kept_file import KeptFile
 T = TypeVar("T")
 
 MISSION, FENCE, RALLY = "mission", "fence", "rally points"
-_MOST = 12
+_MOST_ENTRIES = 12
 """Entries that are kept: a few lists of each of a few vehicles."""
 _TIME = "%Y-%m-%d %H:%M:%S UTC"
 
@@ -154,7 +154,7 @@ class UploadJournal:
         """Returns what the next daemon has to know: one entry for each list of each vehicle."""
         with self._lock:
             found = {(each.list, each.vehicle): each for each in reversed((*self._unfinished, *self._running))}
-        return list(found.values())[:_MOST]
+        return list(found.values())[:_MOST_ENTRIES]
 
 
 class Upload:
@@ -201,7 +201,8 @@ class Upload:
 
     def _on_end(self, ended: Future[T], undo: Callable[[], Future[Any]] | None) -> None:
         error = UalError("its caller has gone, or has cancelled it") if ended.cancelled() else ended.exception()
-        is_begun = self._is_sent and not _is_unchanged(error)
+        is_unchanged = isinstance(error, RejectedByAutopilotError) and UNCHANGED in error.metadata
+        is_begun = self._is_sent and not is_unchanged
         self._journal.end(self._entry, is_whole=error is None, is_begun=is_begun)
         if error is None or not is_begun:
             return
@@ -227,10 +228,6 @@ def _tell_undone(entry: UploadEntry, error: BaseException | None) -> None:
         logs.event(_log, logging.INFO, "upload_undone", list=entry.list)
     else:
         logs.event(_log, logging.WARNING, "upload_not_undone", list=entry.list, why=str(error))
-
-
-def _is_unchanged(error: BaseException | None) -> bool:
-    return isinstance(error, RejectedByAutopilotError) and UNCHANGED in error.metadata
 
 
 def _entry(values: dict[str, object]) -> UploadEntry:

@@ -27,7 +27,7 @@ from ual_daemon.flight.manoeuvres.autopilot_mission import AutopilotMission
 from ual_daemon.flight.manoeuvres.land import LandManoeuvre
 from ual_daemon.flight.manoeuvres.manoeuvre import Handover
 from ual_daemon.flight.manoeuvres.recover import RecoverFirst
-from ual_daemon.flight.policy.authority import LONGEST_GAP_S
+from ual_daemon.flight.policy.authority import LONGEST_LINK_GAP_S
 from ual_daemon.flight.policy.geofence import GeofencePolicy
 from ual_daemon.frames.resolver import FrameResolver
 from ual_daemon.settings import LimitSettings, VehicleSettings
@@ -381,7 +381,7 @@ def test_a_mission_that_goes_on_unseen_is_stopped_for_a_lease_once_it_is_observe
 
 def be_silent(world: World) -> None:
     """Nothing is heard for so long that the flight may be another's by then."""
-    while world.autopilot.silent_s < LONGEST_GAP_S + 2.0:
+    while world.autopilot.silent_s < LONGEST_LINK_GAP_S + 2.0:
         world.autopilot.silent_s += STEP_S
         world.run(STEP_S)
     world.autopilot.silent_s = 0.0

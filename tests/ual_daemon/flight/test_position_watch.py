@@ -16,8 +16,8 @@ from ual_daemon.backends.values import (
     Sample,
     Snapshot,
 )
-from ual_daemon.flight.external_silence import NOTICED_S, ExternalSilence
-from ual_daemon.flight.position_watch import BACK_S, GONE_S, INERTIA_S, PositionWatch
+from ual_daemon.flight.external_silence import NOTICED_SILENCE_S, ExternalSilence
+from ual_daemon.flight.position_watch import INERTIA_S, LOST_POSITION_S, RECOVERED_POSITION_S, PositionWatch
 
 STEP_S = 0.05
 NO_FIX = "no satellite fix (NONE), and the position drifts"
@@ -65,7 +65,7 @@ def test_a_lost_fix_is_reported_within_half_a_second_and_tasks_wait() -> None:
     flight = Flight()
     assert not flight.passes(5.0)
     flight.fix = GpsFix.NONE
-    assert flight.passes(GONE_S + 0.2) == NO_FIX
+    assert flight.passes(LOST_POSITION_S + 0.2) == NO_FIX
     assert flight.watch.waits == NO_FIX
 
 
@@ -74,9 +74,9 @@ def test_a_fix_that_is_gone_for_a_moment_is_not_lost() -> None:
     flight.passes(5.0)
     for _ in range(10):
         flight.fix = GpsFix.NONE
-        assert not flight.passes(GONE_S - 0.1)
+        assert not flight.passes(LOST_POSITION_S - 0.1)
         flight.fix = GpsFix.FIX_3D
-        assert not flight.passes(BACK_S + 0.2)
+        assert not flight.passes(RECOVERED_POSITION_S + 0.2)
 
 
 def test_it_is_over_when_the_fix_is_back_for_a_second() -> None:
@@ -85,7 +85,7 @@ def test_it_is_over_when_the_fix_is_back_for_a_second() -> None:
     flight.fix = GpsFix.NONE
     flight.passes(1.0)
     flight.fix = GpsFix.RTK_FLOAT
-    assert flight.passes(BACK_S - 0.2) == NO_FIX
+    assert flight.passes(RECOVERED_POSITION_S - 0.2) == NO_FIX
     assert not flight.passes(0.4)
 
 
@@ -139,11 +139,11 @@ def test_poses_that_end_are_reported_within_half_a_second() -> None:
     flight.is_measured = True
     assert not flight.passes(5.0)
     flight.is_measured = False
-    assert not flight.passes(NOTICED_S - 0.1)
+    assert not flight.passes(NOTICED_SILENCE_S - 0.1)
     assert flight.passes(0.2) == ENDED
     assert flight.watch.waits == ENDED
     flight.is_measured = True
-    assert not flight.passes(2.0 * BACK_S + 0.4)
+    assert not flight.passes(2.0 * RECOVERED_POSITION_S + 0.4)
 
 
 def test_poses_that_are_dropped_are_reported_by_their_cause() -> None:

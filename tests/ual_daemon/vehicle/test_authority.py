@@ -25,7 +25,7 @@ from ual_daemon.backends.values import (
     Setpoint,
     SetpointLoss,
 )
-from ual_daemon.flight.policy.authority import LONGEST_GAP_S
+from ual_daemon.flight.policy.authority import LONGEST_LINK_GAP_S
 from ual_daemon.vehicle.vehicle import Vehicle
 
 
@@ -98,7 +98,7 @@ def test_a_command_continues_after_long_without_updates(uav: Stepped) -> None:
     uav.run(0.1)
     uav.sim.pilot_give_back()
     uav.run(0.1)
-    uav.run(LONGEST_GAP_S + 4.0)
+    uav.run(LONGEST_LINK_GAP_S + 4.0)
     uav.vehicle.commands.setpoints.set_pose(at(5.0, 0.0, 3.0))
     uav.run(10.0)
     assert uav.state is State.FLYING_AUTO

@@ -262,7 +262,7 @@ def test_a_long_path_first_comes_to_rest_en_route_and_is_planned_next_to_the_upd
     world: World, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     world.uav.keep_samples()
-    monkeypatch.setattr(courses, "LONG_COUNT", 20)
+    monkeypatch.setattr(courses, "LONG_PATH_WAYPOINTS", 20)
     waypoints, uav = path_of(30), world.uav
     task = uav.prepare.follow_path(waypoints, corner_radius_m=0.5).begin()
     uav.run(6.0)

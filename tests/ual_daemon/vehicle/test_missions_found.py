@@ -24,7 +24,7 @@ from ual_daemon.settings import LimitSettings, VehicleSettings
 from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.tracker.references import Hold
 from ual_daemon.vehicle.mission_file import MissionFile, RunningMission
-from ual_daemon.vehicle.missions import AGAIN_S, Missions
+from ual_daemon.vehicle.missions import DOWNLOAD_RETRY_S, Missions
 
 
 class Offer:
@@ -86,7 +86,7 @@ def restarted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Resta
 
 def test_a_mission_that_cannot_be_read_is_requested_once_in_a_while(restarted: Restarted) -> None:
     """Else each update would ask, and take the link from the flight and from other stations."""
-    restarted.run(3.5 * AGAIN_S)
+    restarted.run(3.5 * DOWNLOAD_RETRY_S)
     assert restarted.offer.asked_count == 4
 
 
@@ -114,7 +114,7 @@ def test_one_that_is_found_after_a_lease_has_begun_is_stopped_for_it(restarted: 
     restarted.run(0.2)
     restarted.flight.stop_for_lease("survey has acquired the lease")
     restarted.offer.kept = KeptMission((ReturnToLaunch(),), "digest")
-    restarted.run(2 * AGAIN_S)
+    restarted.run(2 * DOWNLOAD_RETRY_S)
     error = restarted.tasks.get("mission-1").future.exception(0.0)
     assert isinstance(error, TaskAbortedError)
     assert error.metadata["by"] == "lease"

@@ -7,7 +7,7 @@ import math
 import pytest
 
 from ual.geometry import Pose, Quaternion, Vector3
-from ual_daemon.vehicle.pose_gate import FUTURE_S, OLDEST_S, SETTLED_S, PoseGate
+from ual_daemon.vehicle.pose_gate import FUTURE_S, OLDEST_POSE_S, SETTLED_TIME_S, PoseGate
 
 PERIOD_S = 0.02
 FASTEST_M_S = 30.0
@@ -17,7 +17,9 @@ def at(x: float, yaw_rad: float = 0.0) -> Pose:
     return Pose(Vector3(x, 0.0, 1.0), Quaternion.from_yaw(yaw_rad))
 
 
-@pytest.mark.parametrize(("age_s", "why"), [(OLDEST_S + 0.01, "it is old"), (-FUTURE_S - 0.01, "it is in the future")])
+@pytest.mark.parametrize(
+    ("age_s", "why"), [(OLDEST_POSE_S + 0.01, "it is old"), (-FUTURE_S - 0.01, "it is in the future")]
+)
 def test_old_poses_and_those_of_the_future_are_untimely(age_s: float, why: str) -> None:
     drop = PoseGate("give no stamp").untimely(10.0 - age_s, 10.0)
     assert drop is not None
@@ -25,7 +27,7 @@ def test_old_poses_and_those_of_the_future_are_untimely(age_s: float, why: str) 
     assert drop.detail.endswith("; give no stamp")
 
 
-@pytest.mark.parametrize("age_s", [OLDEST_S - 0.001, 0.0, -FUTURE_S + 0.001])
+@pytest.mark.parametrize("age_s", [OLDEST_POSE_S - 0.001, 0.0, -FUTURE_S + 0.001])
 def test_those_of_the_present_are_timely(age_s: float) -> None:
     assert PoseGate().untimely(10.0 - age_s, 10.0) is None
 
@@ -75,7 +77,7 @@ def test_poses_that_go_on_elsewhere_are_taken_as_a_reset_however_near_that_is(th
         for number in range(1, 500)
         if gate.jump(at(there_m + 0.01 * number), number * PERIOD_S, 0.0, FASTEST_M_S) is None
     )
-    assert taken_s == pytest.approx(SETTLED_S, abs=2 * PERIOD_S)
+    assert taken_s == pytest.approx(SETTLED_TIME_S, abs=2 * PERIOD_S)
     assert gate.resets_count == 1
 
 

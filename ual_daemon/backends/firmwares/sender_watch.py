@@ -23,7 +23,7 @@ EXTRAPOLATION_S = 3.0
 """Most seconds for which ArduPilot moves a position on with its velocity until the next one comes (GUID_TIMEOUT)."""
 STRANGE_COUNT, STRANGE_S = 2, 3.0
 """Foreign targets that prove another sender, and the seconds within which they count, while we send."""
-LEAST_APART_S = 0.1
+LEAST_TARGET_GAP_S = 0.1
 """Least seconds between two that count. PX4 moves a setpoint of ours as its estimate is reset, until our next one."""
 AUTOPILOT_SILENCE_S = 2.0
 """Seconds of the autopilot's silence after which it may show for `OWN_SILENCE_S` what we had sent before, and what
@@ -78,7 +78,7 @@ class SenderWatch:
         now_s = target.time_s
         if self._sent.duration_s(now_s) <= LEAST_SENDING_TIME_S or not self._is_strange(target):
             return
-        if self._strange_s and now_s - self._strange_s[-1] < LEAST_APART_S:
+        if self._strange_s and now_s - self._strange_s[-1] < LEAST_TARGET_GAP_S:
             return
         self._strange_s.append(now_s)
         if len(self._strange_s) == STRANGE_COUNT and now_s - self._strange_s[0] <= STRANGE_S:

@@ -39,7 +39,7 @@ from ual_daemon.flight.manoeuvres.manoeuvre import (
 )
 from ual_daemon.flight.manoeuvres.mission_watch import MissionWatch
 from ual_daemon.flight.manoeuvres.recover import TAKES_BACK, Recover
-from ual_daemon.flight.policy.authority import LONGEST_GAP_S
+from ual_daemon.flight.policy.authority import LONGEST_LINK_GAP_S
 from ual_daemon.flight.policy.jumps import EstimateJump
 from ual_daemon.flight.policy.touch_down import TouchDown
 from ual_daemon.flight.state import Estimate
@@ -49,7 +49,7 @@ from ual_daemon.tracker.references import Reference
 _log = logging.getLogger(__name__)
 
 NAME = "mission"
-_TOLD_S = 2.5
+_MISSION_END_DELAY_S = 2.5
 """Seconds after the mode that follows a mission within which the autopilot may report that it is complete: PX4 does
 once a second.
 """
@@ -292,7 +292,7 @@ class AutopilotMission(Manoeuvre):
         if estimate.is_link_up and (step := self._unless_mode_shows_others(snapshot)) is not None:
             return step
         is_entering = self._phase is _Phase.ENTERING
-        if self._phase is _Phase.CHOOSING or (is_entering and snapshot.time_s - self._seen_s > LONGEST_GAP_S):
+        if self._phase is _Phase.CHOOSING or (is_entering and snapshot.time_s - self._seen_s > LONGEST_LINK_GAP_S):
             text = f"{NAME}: {estimate.why}; it is not known whether the autopilot flies it now"
             metadata = {"state": State.UNINITIALIZED.name, "by": "autopilot"}
             return failed(TaskAbortedError(text, metadata) if estimate.is_link_up else LinkLostError(text, metadata))
@@ -319,7 +319,7 @@ class AutopilotMission(Manoeuvre):
         heard_s, before_s = snapshot.heard_s, self._heard_s
         self._heard_s = heard_s
         self._task.note = self._trouble
-        if heard_s is None or before_s is None or heard_s - before_s <= LONGEST_GAP_S:
+        if heard_s is None or before_s is None or heard_s - before_s <= LONGEST_LINK_GAP_S:
             return
         if self._phase is _Phase.FLYING:
             self._phase, self._waited = _Phase.VERIFYING, None
@@ -503,7 +503,7 @@ class AutopilotMission(Manoeuvre):
             self._done_s = None
             return False
         self._done_s = snapshot.time_s if self._done_s is None else self._done_s
-        return snapshot.time_s - self._done_s < _TOLD_S
+        return snapshot.time_s - self._done_s < _MISSION_END_DELAY_S
 
     @property
     def _last_moving(self) -> int:

@@ -15,7 +15,7 @@ from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.tracker.references import Reference
 
-_PATIENCE_S = 15.0
+_ARMING_TIMEOUT_S = 15.0
 """The automatic arming waits for 1 s of readiness; an autopilot that has just landed takes some seconds to disarm."""
 _DISARM_S = 5.0
 """Seconds that an autopilot that has landed may take to disarm itself; PX4 takes 2 s, ArduPilot 0.6 s."""
@@ -55,10 +55,10 @@ class AwaitArming(Manoeuvre):
                     {"by": "safety pilot", "state": estimate.state.name},
                 )
             )
-        if waited_s > _PATIENCE_S:
+        if waited_s > _ARMING_TIMEOUT_S:
             return failed(
                 WrongStateError(
-                    f"take_off: the UAV was not armed within {_PATIENCE_S:g} s{_why_not_ready(snapshot)}",
+                    f"take_off: the UAV was not armed within {_ARMING_TIMEOUT_S:g} s{_why_not_ready(snapshot)}",
                     {"state": estimate.state.name, "needed": State.LANDED_ARMED.name, "command": self.name},
                 )
             )

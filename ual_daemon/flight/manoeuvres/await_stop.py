@@ -16,7 +16,7 @@ from ual_daemon.backends.values import LandedState, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Manoeuvre, Step, failed, taken, why_blind, with_advice
 from ual_daemon.flight.manoeuvres.recover import TAKES_BACK
-from ual_daemon.flight.policy.authority import LONGEST_GAP_S
+from ual_daemon.flight.policy.authority import LONGEST_LINK_GAP_S
 from ual_daemon.flight.policy.jumps import EstimateJump
 from ual_daemon.flight.state import Estimate
 from ual_daemon.tracker.references import Reference
@@ -40,7 +40,8 @@ _REMEDY = (
 )
 _REMEDY_SEEN = "take over by hand, or select another mode at the ground station; recover_from_manual tries again"
 _LEFT_ALONE = (
-    f"after {LONGEST_GAP_S:g} s the flight may be another's, so the mission is not stopped any more: look who flies it"
+    f"after {LONGEST_LINK_GAP_S:g} s the flight may be another's, so the mission is not stopped any more: "
+    "look who flies it"
 )
 
 
@@ -111,7 +112,7 @@ class AwaitStop(Manoeuvre):
             self._seen_s = max(self._seen_s, mode.time_s)  # what flies it is known all the time
             if self._is_taken_unseen(snapshot):
                 return taken(snapshot, self.name)
-        is_long = snapshot.time_s - self._seen_s > LONGEST_GAP_S
+        is_long = snapshot.time_s - self._seen_s > LONGEST_LINK_GAP_S
         return failed(type(lost)(f"{lost.message}; {_LEFT_ALONE}", lost.metadata)) if is_long else Step()
 
     def _is_taken_unseen(self, snapshot: Snapshot) -> bool:

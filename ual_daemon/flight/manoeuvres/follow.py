@@ -43,7 +43,7 @@ from ual_daemon.trajectory.outline import outline
 
 _log = logging.getLogger(__name__)
 
-_AT_REST_M_S = 1e-6
+_REST_SPEED_M_S = 1e-6
 
 MakeTracker: TypeAlias = Callable[[Trajectory, float, ToleranceSettings], TrajectoryReference | Pursuit]
 """Makes the tracker that flies a trajectory from a time on, within a tolerance."""
@@ -232,7 +232,7 @@ class FollowTrajectory(Manoeuvre):
         if planning is None:
             return
         flown = self._course_progress(reference, snapshot)
-        still_m_s = self._tolerance.speed_m_s if isinstance(reference, Pursuit) else _AT_REST_M_S
+        still_m_s = self._tolerance.speed_m_s if isinstance(reference, Pursuit) else _REST_SPEED_M_S
         if flown.motion.velocity.norm() <= still_m_s:
             planning.begin(flown, snapshot)
         if planning.is_done:

@@ -14,7 +14,7 @@ from ual.types import Limits
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.manoeuvres.arrival import Dwell
 from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre, Step, failed, no_progress, why_not_ours
-from ual_daemon.flight.manoeuvres.progress_watch import WAY_M, Headway
+from ual_daemon.flight.manoeuvres.progress_watch import PROGRESS_M, Headway
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import Progress, VehicleTask
 from ual_daemon.settings import ToleranceSettings
@@ -22,7 +22,7 @@ from ual_daemon.tracker.moving_goal import MovingGoal
 from ual_daemon.tracker.references import Reference, measured_motion
 from ual_daemon.trajectory import Motion
 
-_TIMEOUT_S = 60.0
+_GOAL_TIMEOUT_S = 60.0
 _TIMEOUT_FACTOR = 10.0
 
 
@@ -46,7 +46,7 @@ class FollowMovingGoal(Manoeuvre):
         self._moving_goal = moving_goal
         self._tolerance = tolerance
         self._started_s: float | None = None
-        self._longest_s = _TIMEOUT_S
+        self._longest_s = _GOAL_TIMEOUT_S
         self._initial_distance_m = 0.0
         self._dwell = Dwell(tolerance.dwell_s)
         self._limits = limits
@@ -89,7 +89,7 @@ class FollowMovingGoal(Manoeuvre):
         """Returns for how long it has made no way: it has moved nowhere, and its goal has come no nearer."""
         if not self._headway.is_due(now_s):
             return 0.0
-        if (measured.position - self._moved_from).norm() > WAY_M:
+        if (measured.position - self._moved_from).norm() > PROGRESS_M:
             self._moved_from = measured.position
             self._headway.restart()
         error_rad = abs(wrap_angle(measured.yaw_rad - goal.yaw_rad)) if self._moving_goal.has_met else 0.0

@@ -26,23 +26,23 @@ from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.tracker.references import Reference, measured_motion
 
 FAST_M_S, SLOW_M_S = 1.0, 0.5
-SLOW_BELOW_M = 5.0
+SLOW_DESCENT_HEIGHT_M = 5.0
 """The height of the ground from which it took off says little about the ground here: it descends slowly early."""
-STILL_M_S = 0.5
+STILL_SPEED_M_S = 0.5
 """It descends once it is slower than this, and over the place where it then is."""
 LONGEST_STOP_S = 10.0
 POSITION_PER_S, ASIDE_M_S = 0.8, 1.0
 """Speed with which it is led back over its landing point: in m/s per metre, and at most."""
-MODE_S = 0.5
+MODE_AGE_LIMIT_S = 0.5
 """No velocity is sent while the mode is older: the vehicle then holds by itself."""
-UNSEEN_S = 2.0
+UNSEEN_MARKER_S = 2.0
 """Seconds without the mode, or without an update, after which others may fly, whose velocities look like ours. A
 backend that discards the mode, after a silence or a pause of its own, ends it sooner.
 """
-MEASURED_S = 1.0
+MEASUREMENT_AGE_LIMIT_S = 1.0
 """With an older position it is not led aside, and an older velocity does not show whether it has stopped."""
 STOP_AGAIN_S, MOST_STOPS = 3.0, 3
-LOST_S = 1.0
+LOST_CONTROL_S = 1.0
 """Motors that stop end the control, too, which may show first. After longer, others have taken it over."""
 _UNSEEN = "others may fly, as UAL has not seen for {:.1f} s what the autopilot does; the UAV is not landed any further"
 _MOTORS_RUN = "it stands, and its motors do not stop: stop them by hand, or disarm it"
@@ -94,9 +94,9 @@ class LandOnSetpoints(Landing):
         assert snapshot.control.mode is not None
         if estimate.state is State.LANDED_DISARMED and not self._stops_count:  # not by UAL, on the ground
             return Step(has_ended=self._touch_down.has_landed(snapshot, estimate))
-        if _is_disarmed(snapshot):
+        if snapshot.control.armed is not None and not snapshot.control.armed.value:
             return Step(has_ended=True)
-        if _is_on_ground(snapshot):
+        if snapshot.control.is_on_ground:
             return self._step_on_ground(snapshot)
         if snapshot.control.mode.value.control is not Control.REFERENCES:
             return taken(snapshot, self.name)
@@ -110,7 +110,7 @@ class LandOnSetpoints(Landing):
         unseen_s = snapshot.time_s - min(
             self._stepped_s, -math.inf if snapshot.control.mode is None else snapshot.control.mode.time_s
         )
-        if unseen_s <= UNSEEN_S:
+        if unseen_s <= UNSEEN_MARKER_S:
             return None
         why = _UNSEEN.format(unseen_s) if unseen_s < math.inf else f"the mode is not known: {estimate.why}"
         return TaskAbortedError(f"{self.name}: {why}; command land again", {"by": "silence"})
@@ -134,11 +134,11 @@ class LandOnSetpoints(Landing):
         velocity = snapshot.motion.velocity
         if velocity is None or not _is_new(velocity, snapshot):
             return True  # it does not show whether it is
-        is_slow = velocity.value.linear.horizontal_norm() < STILL_M_S
+        is_slow = velocity.value.linear.horizontal_norm() < STILL_SPEED_M_S
         return is_slow or snapshot.time_s - self._begun_s > LONGEST_STOP_S
 
     def _speed_m_s(self, snapshot: Snapshot, has_position: bool) -> float:
-        is_high = has_position and measured_motion(snapshot).position.z - self._ground_z_m > SLOW_BELOW_M
+        is_high = has_position and measured_motion(snapshot).position.z - self._ground_z_m > SLOW_DESCENT_HEIGHT_M
         return min(self._descent_m_s, FAST_M_S if is_high else SLOW_M_S)
 
     def _back(self, snapshot: Snapshot, has_position: bool) -> Vector3:
@@ -171,7 +171,7 @@ class LandOnSetpoints(Landing):
         self._landing_task.note = ""
         if is_ours or not self._stops_count:
             self._ours_s = now_s
-        elif now_s - self._ours_s > LOST_S:
+        elif now_s - self._ours_s > LOST_CONTROL_S:
             return taken(snapshot, self.name)
         if now_s - self._stopped_s > STOP_AGAIN_S and (is_ours or not self._stops_count):
             if self._stops_count >= MOST_STOPS:
@@ -199,16 +199,8 @@ class LandOnSetpoints(Landing):
 
 
 def _is_new(sample: Sample[object] | None, snapshot: Snapshot) -> bool:
-    return sample is not None and snapshot.time_s - sample.time_s <= MEASURED_S
+    return sample is not None and snapshot.time_s - sample.time_s <= MEASUREMENT_AGE_LIMIT_S
 
 
 def _is_new_mode(snapshot: Snapshot) -> bool:
-    return snapshot.control.mode is not None and snapshot.time_s - snapshot.control.mode.time_s <= MODE_S
-
-
-def _is_on_ground(snapshot: Snapshot) -> bool:
-    return snapshot.control.is_on_ground
-
-
-def _is_disarmed(snapshot: Snapshot) -> bool:
-    return snapshot.control.armed is not None and not snapshot.control.armed.value
+    return snapshot.control.mode is not None and snapshot.time_s - snapshot.control.mode.time_s <= MODE_AGE_LIMIT_S

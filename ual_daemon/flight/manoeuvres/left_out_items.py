@@ -11,9 +11,9 @@ from ual_daemon.backends.offers.missions import MissionReport
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.geodesy import FlatProjection
 
-_LONGEST_S = 1.5
+_LONGEST_REPORT_GAP_S = 1.5
 """Between two reports that follow each other in time. What was flown in a longer gap is not known."""
-_APART_M = 3.0
+_ITEM_DISTANCE_M = 3.0
 """Distance in metres at which a place is reached, by both autopilots' radius of 2 m. One so near the one before may not
 be reported.
 """
@@ -58,8 +58,8 @@ class LeftOutItems:
             self._nearest_m = min(self._nearest_m, self._away_m(item, snapshot))
         elif self._own is not None and self._is_own(item, self._own):
             self._own = None
-        elif report.time_s - before[1] <= _LONGEST_S and not self._jumps_by_itself:
-            begin = before[0] + (self._nearest_m <= _APART_M)
+        elif report.time_s - before[1] <= _LONGEST_REPORT_GAP_S and not self._jumps_by_itself:
+            begin = before[0] + (self._nearest_m <= _ITEM_DISTANCE_M)
             self._left_out.update(number for number in range(begin, item) if self._is_destination(number))
         if before is not None and before[0] != item:
             self._nearest_m = self._away_m(item, snapshot)
@@ -93,7 +93,7 @@ class LeftOutItems:
         here, there = _position(before), _position(item)
         if here is None or there is None:
             return True
-        return (FlatProjection(*here).to_local(*there)).norm() > _APART_M
+        return (FlatProjection(*here).to_local(*there)).norm() > _ITEM_DISTANCE_M
 
 
 def _position(item: Item | None) -> tuple[float, float, float] | None:

@@ -9,22 +9,22 @@ from typing import NamedTuple
 from ual.errors import UalError
 from ual_daemon.backends.offers.missions import AutopilotMissions, KeptMission, MissionReport
 
-AGAIN_S = 1.0
+READ_RETRY_S = 1.0
 """The time from a read that failed to the next one, ..."""
-_FIRST_AGAIN_S = 0.2
+_FIRST_READ_RETRY_S = 0.2
 """... and the first time: one that was in progress as another station began an upload fails. Each further one is twice
 as long.
 """
-SETTLE_S = 0.15
+CHANGE_DELAY_S = 0.15
 """The time from a change to its read: amid an upload ArduPilot refuses it. PX4 tells another checksum once the upload
 has ended, and up to a second late: then it is read at once."""
-LOOK_S = 0.3
+READ_PAUSE_S = 0.3
 """The time from one read to the next where nothing is reported. ArduPilot does not tell as many other items further on,
 nor any while it does not fly to a waypoint.
 """
-_STEP_S = 0.1
+_LONGEST_UPDATE_STEP_S = 0.1
 """The longest time between two steps that follow each other."""
-_PAUSE_FACTOR = 2.0
+_READ_PAUSE_FACTOR = 2.0
 """Pause between reads without a change, as a multiple of the last read's duration: they get a third of the time. A read
 of four items takes 0.15 s on a busy computer.
 """
@@ -65,7 +65,7 @@ class MissionWatch:
     def step(self, now_s: float, *, is_end: bool = False) -> None:
         """Compares, takes what was read, and begins to read where that is due. `is_end`: all items seem to be flown."""
         # While the cause of a mode is open no step is made: that is no time of the read.
-        looked_s, self._stepped_s = min(now_s, self._stepped_s + _STEP_S), now_s
+        looked_s, self._stepped_s = min(now_s, self._stepped_s + _LONGEST_UPDATE_STEP_S), now_s
         if self._reading is not None and self._reading.done():
             self._take(self._reading, now_s, looked_s)
         told = self._report_key()
@@ -74,7 +74,7 @@ class MissionWatch:
         if told.mission_id and told.mission_id == self._kept.mission_id:
             self._sure = told
         if self._newest not in (None, told) and not told.mission_id:
-            self._next_s = now_s + SETTLE_S
+            self._next_s = now_s + CHANGE_DELAY_S
         self._newest = told
         is_due = not told.mission_id and now_s >= self._next_look_s
         if now_s >= self._next_s and (is_due or not self.is_sure(is_end=is_end)):
@@ -101,13 +101,13 @@ class MissionWatch:
         error = None if reading.cancelled() else reading.exception()
         if reading.cancelled() or error is not None:
             self.failure = error if isinstance(error, UalError) else UalError(f"the mission was not read: {error}")
-            self._next_s = now_s + min(AGAIN_S, _FIRST_AGAIN_S * 2.0**self._failures_count)
+            self._next_s = now_s + min(READ_RETRY_S, _FIRST_READ_RETRY_S * 2.0**self._failures_count)
             self._failures_count += 1
             return
         self._failures_count = 0
         self.is_other = reading.result().digest != self._kept.digest
         self._sure, self._is_end_read = self._asked, self._is_of_end
-        self._next_look_s = looked_s + max(LOOK_S, _PAUSE_FACTOR * (looked_s - self._began_s))
+        self._next_look_s = looked_s + max(READ_PAUSE_S, _READ_PAUSE_FACTOR * (looked_s - self._began_s))
 
 
 def _report_key(report: MissionReport) -> _MissionReportKey:

@@ -29,7 +29,7 @@ from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.tracker.references import Hold, Reference, brake, measured_motion
 
 TAKES_BACK = "UAL takes the control back from its mission"
-ENTERED_S = 1.5
+MODE_ENTRY_S = 1.5
 """Seconds after a command of UAL within which the autopilot may still enter the mode to which that led."""
 
 Refusal = Callable[[Snapshot], UalError | None]
@@ -164,7 +164,7 @@ class Recover(Manoeuvre):
 
     def _may_still_enter(self, snapshot: Snapshot) -> bool:
         self._begun_s = snapshot.time_s if self._begun_s is None else self._begun_s
-        return self._is_early and not self._is_sent and snapshot.time_s - self._begun_s < ENTERED_S
+        return self._is_early and not self._is_sent and snapshot.time_s - self._begun_s < MODE_ENTRY_S
 
     def _hold(self, snapshot: Snapshot) -> Step:
         motion = measured_motion(snapshot)

@@ -22,7 +22,7 @@ from ual_daemon.flight.state import Estimate
 from ual_daemon.tracker.references import Reference, measured_motion
 from ual_daemon.trajectory import Motion
 
-_STAYS_M = 0.5
+_STILL_DISTANCE_M = 0.5
 """A UAV that stands still is held where it is while its estimate wanders by less."""
 
 
@@ -36,7 +36,7 @@ class Here(Reference):
     @override
     def setpoint(self, snapshot: Snapshot) -> Setpoint:
         now = _at_rest(snapshot)
-        if not self._following.is_still or (now.position - self._motion.position).norm() > _STAYS_M:
+        if not self._following.is_still or (now.position - self._motion.position).norm() > _STILL_DISTANCE_M:
             self._motion = now
         return PositionSetpoint(self._motion.position, self._motion.yaw_rad)
 

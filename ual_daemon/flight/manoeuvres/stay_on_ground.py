@@ -14,12 +14,12 @@ from ual_daemon.flight.autopilot_command import COMMAND_PATIENCE_S, AutopilotCom
 from ual_daemon.flight.manoeuvres.arrival import Dwell
 from ual_daemon.flight.manoeuvres.await_stop import StopIn
 from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre, Step, failed, taken
-from ual_daemon.flight.manoeuvres.recover import ENTERED_S, TAKES_BACK
+from ual_daemon.flight.manoeuvres.recover import MODE_ENTRY_S, TAKES_BACK
 from ual_daemon.flight.policy.jumps import EstimateJump
 from ual_daemon.flight.state import Estimate
 from ual_daemon.tracker.references import Reference
 
-_AGAIN_S = 0.3
+_COMMAND_RETRY_S = 0.3
 """The shortest time from one command to the next: the mode to which the first has led may show only then."""
 LIFTS_OFF_S = 8.0
 """Seconds after it has begun to hold within which the autopilot may yet lift off. PX4 raises the thrust for up to 5 s
@@ -90,7 +90,7 @@ class StayOnGround(Manoeuvre):
 
     def _note_mode(self, mode: str, snapshot: Snapshot) -> None:
         if self._next_s is None:
-            self._next_s = snapshot.time_s + _AGAIN_S
+            self._next_s = snapshot.time_s + _COMMAND_RETRY_S
         if self._held_s is None and mode == self._holds and self._command.is_accepted:
             self._held_s = snapshot.time_s
         if mode != self._flies:
@@ -106,7 +106,7 @@ class StayOnGround(Manoeuvre):
             return False
         if self._held_s is None:
             return mode not in (self._flies, self.mode_begun)
-        is_late = self._flies_s is not None and self._flies_s - self._held_s > ENTERED_S
+        is_late = self._flies_s is not None and self._flies_s - self._held_s > MODE_ENTRY_S
         return self._flies_s is None or is_late or snapshot.control.held_by not in _UNTOLD
 
     def _why_stuck(self, snapshot: Snapshot) -> UalError | None:
@@ -120,7 +120,7 @@ class StayOnGround(Manoeuvre):
         assert self._next_s is not None
         if snapshot.time_s < self._next_s:
             return
-        self._next_s = snapshot.time_s + _AGAIN_S
+        self._next_s = snapshot.time_s + _COMMAND_RETRY_S
         self._command = self.command = AutopilotCommand(self._command.what)
         self.send()
 

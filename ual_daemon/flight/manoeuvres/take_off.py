@@ -24,7 +24,7 @@ from ual_daemon.flight.manoeuvres.manoeuvre import (
     why_blind,
     with_advice,
 )
-from ual_daemon.flight.manoeuvres.progress_watch import STUCK_S, ProgressWatch
+from ual_daemon.flight.manoeuvres.progress_watch import STUCK_TIME_S, ProgressWatch
 from ual_daemon.flight.policy.following import Trouble
 from ual_daemon.flight.policy.geofence import GeofencePolicy
 from ual_daemon.flight.policy.jumps import EstimateJump
@@ -40,8 +40,8 @@ _MODE_NEWS_S = 1.5
 """Seconds for which the mode may be missing from a UAV that has left the ground on our command. PX4 tells it twice a
 second.
 """
-_TOLERANCE_RATIO = 0.05
-_LEAST_TOLERANCE_M = 0.1
+_HEIGHT_TOLERANCE_RATIO = 0.05
+_LEAST_HEIGHT_TOLERANCE_M = 0.1
 _HIGHEST_SHARE, _HIGHEST_MARGIN_M = 1.2, 1.0
 """A climb is stopped above this many times the height asked for, plus the margin. An autopilot that climbs by itself
 may count heights from elsewhere; the estimate of the ground wanders by 0.7 m."""
@@ -93,7 +93,7 @@ class TakeOffManoeuvre(Manoeuvre):
         self._ground_z = motion.position.z
         self._ground = Hold(motion.position, motion.yaw_rad)
         self._top = Hold(motion.position + Vector3(0.0, 0.0, height_m), motion.yaw_rad)
-        self._tolerance_m = max(_LEAST_TOLERANCE_M, _TOLERANCE_RATIO * height_m)
+        self._tolerance_m = max(_LEAST_HEIGHT_TOLERANCE_M, _HEIGHT_TOLERANCE_RATIO * height_m)
         self._highest_m = _HIGHEST_SHARE * height_m + _HIGHEST_MARGIN_M
         self._climb: TrajectoryReference | None = None
         self._stuck = _STUCK if has_safety_pilot else _STUCK_WITHOUT_PILOT
@@ -211,7 +211,7 @@ class TakeOffManoeuvre(Manoeuvre):
         self._has_lifted_off = self._has_lifted_off or has_lifted_off
         if self._climb_watch.text:
             return self._end_of_stuck_climb(climbed_m, self._climb_watch.text)
-        patience_s = max(STUCK_S, _LIFT_OFF_S + _LEFT_GROUND_M / self._limits.climb_speed_m_s)
+        patience_s = max(STUCK_TIME_S, _LIFT_OFF_S + _LEFT_GROUND_M / self._limits.climb_speed_m_s)
         if not self._has_lifted_off and passed_s > patience_s:
             return self._end_of_stuck_climb(climbed_m, f"it has not lifted off for {passed_s:.0f} s: {self._stuck}")
         if self._has_arrived(snapshot.time_s, climbed_m, motion.velocity.norm(), estimate):

@@ -17,7 +17,7 @@ _UNINITIALIZED, _FLYING_AUTO, _LANDED_ARMED, _LANDED_DISARMED = (
 )
 """As names of the module: Python looks up a member of an enumeration by a call, and each update would pay."""
 
-LONGEST_GAP_S = 10.0
+LONGEST_LINK_GAP_S = 10.0
 """After a longer silence the flight may be another one. Within less no UAV lands, is armed again, and takes off."""
 _LEFT = "UAL has had the autopilot hold by itself"
 _IN_AIR = (_FLYING_AUTO, State.FLYING_MANUAL, State.TAKING_OFF, State.LANDING)
@@ -135,7 +135,7 @@ class Authority:
         """Gives the flight up after a long silence."""
         heard_s, before_s = snapshot.heard_s, self._heard_s
         self._heard_s = heard_s
-        if not self.is_ours or heard_s is None or before_s is None or heard_s - before_s <= LONGEST_GAP_S:
+        if not self.is_ours or heard_s is None or before_s is None or heard_s - before_s <= LONGEST_LINK_GAP_S:
             return
         self.is_ours = False
         self.given_up = f"nothing was heard for {heard_s - before_s:.0f} s, and the flight may be another's now"

@@ -11,9 +11,9 @@ from ual_daemon.backends.values import Zone
 from ual_daemon.frames.area import LocalZone, Point2
 from ual_daemon.geodesy import Projection
 
-SIDES = 64
+CIRCLE_SIDES = 64
 """Sides of the polygon that a circle becomes, on the safe side by up to 0.12 % of its radius."""
-_STEP_M = 1000.0
+_EDGE_STEP_M = 1000.0
 """A side is straight in latitude and longitude, as both autopilots compute it (Polygon_outside of ArduPilot,
 Geofence::insidePolygon of PX4). So in the local frame it is bent: by 2 m on 10 km at a latitude of 47 degrees. Cut into
 parts of this length it is off by 2 cm."""
@@ -32,7 +32,7 @@ def _corners(zone: Zone, projection: Projection) -> Iterator[Point2]:
 def _polygon(zone: Zone, projection: Projection) -> Iterator[Point2]:
     for begin, end in zip(zone.points, (*zone.points[1:], zone.points[0]), strict=True):
         a, b = _local(begin, projection), _local(end, projection)
-        count = min(_MAX_STEPS, max(1, math.ceil(math.dist(a, b) / _STEP_M)))
+        count = min(_MAX_STEPS, max(1, math.ceil(math.dist(a, b) / _EDGE_STEP_M)))
         yield a
         for step in range(1, count):
             share = step / count
@@ -51,9 +51,9 @@ def _circle(zone: Zone, radius_m: float, projection: Projection) -> Iterator[Poi
     """
     ((latitude_deg, longitude_deg),) = zone.points
     around = replace(projection, latitude_deg=latitude_deg, longitude_deg=longitude_deg)
-    corner_m = radius_m if zone.is_inclusion else radius_m / math.cos(math.pi / SIDES)
-    for side in range(SIDES):
-        angle = 2.0 * math.pi * side / SIDES
+    corner_m = radius_m if zone.is_inclusion else radius_m / math.cos(math.pi / CIRCLE_SIDES)
+    for side in range(CIRCLE_SIDES):
+        angle = 2.0 * math.pi * side / CIRCLE_SIDES
         place = around.to_geo(Vector3(corner_m * math.cos(angle), corner_m * math.sin(angle), 0.0))
         yield _local((place.latitude_deg, place.longitude_deg), projection)
 

@@ -18,18 +18,18 @@ from ual_daemon.backends.values import Snapshot, VehicleInfo
 from ual_daemon.flight.policy.geofence import FenceInputs, GeofencePolicy
 from ual_daemon.flight.policy.reachable_points import REACTION_S
 from ual_daemon.flight.state import is_surely_auto
-from ual_daemon.frames.room import SURE_M
+from ual_daemon.frames.room import ROUNDING_MARGIN_M
 from ual_daemon.settings import MAX_TURN_RAD_S
 from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.trajectory.envelope import RAMP_S
 from ual_daemon.validation import MAX_SPEED_M_S
 
-_ROUNDING_RATIO = 1e-12
-_RESTS_COUNT = 3
+_SPEED_ROUNDING_RATIO = 1e-12
+_UNSHORTENED_SETPOINTS_COUNT = 3
 """Setpoints that are assessed by the rules without the shortcut, where there is no room: most near an edge are."""
-_SAME_M2 = 0.1**2
+_SAME_POSITION_M2 = 0.1**2
 """Squared distance from a ball that was too small within which no other one is searched: each setpoint would pay."""
-_WAY_S = REACTION_S + RAMP_S / 2.0
+_REACTION_PATH_S = REACTION_S + RAMP_S / 2.0
 """Seconds for which a speed is flown on, whatever the brakes. With `brake_s2_m` it bounds `stopping_s` from above, as
 (q + RAMP_S) / 2 is never less than sqrt(q * RAMP_S).
 """
@@ -103,16 +103,16 @@ class Clearance:
                 speed2 = own2
         speed_m_s = math.sqrt(speed2)
         # All points of `reachable_points` lie within this distance of where it is.
-        reach_m = speed_m_s * (_WAY_S + speed_m_s * now.brake_s2_m)
+        reach_m = speed_m_s * (_REACTION_PATH_S + speed_m_s * now.brake_s2_m)
         left_m, off_x, off_y, off_z = now.radius_m - reach_m, here.x - now.x, here.y - now.y, here.z - now.z
         off2 = off_x * off_x + off_y * off_y + off_z * off_z
         if left_m >= 0.0 and off2 <= left_m * left_m:
             return True
-        if off2 >= _SAME_M2 or now.rooms is not self._geofence.rooms:
+        if off2 >= _SAME_POSITION_M2 or now.rooms is not self._geofence.rooms:
             now = self._now = self._made(info, snapshot)  # there may be room here, too
             if reach_m <= now.radius_m:
                 return True
-        self.rests_count = _RESTS_COUNT
+        self.rests_count = _UNSHORTENED_SETPOINTS_COUNT
         return False
 
     def _made(self, info: VehicleInfo, snapshot: Snapshot) -> _Clearance:
@@ -130,7 +130,7 @@ class Clearance:
         return _Clearance(
             info,
             world,
-            (limits.horizontal_speed_m_s * (1.0 - _ROUNDING_RATIO)) ** 2,
+            (limits.horizontal_speed_m_s * (1.0 - _SPEED_ROUNDING_RATIO)) ** 2,
             limits.climb_speed_m_s,
             limits.descent_speed_m_s,
             min(limits.yaw_rate_rad_s, MAX_TURN_RAD_S),
@@ -138,7 +138,7 @@ class Clearance:
             here.x,
             here.y,
             here.z,
-            radius_m - SURE_M,
+            radius_m - ROUNDING_MARGIN_M,
             self._geofence.rooms,
         )
 

@@ -10,7 +10,7 @@ from ual_daemon.backends.values import AutopilotFence, Snapshot
 from ual_daemon.flight.policy import autopilot_fence
 from ual_daemon.frames.fence import Fence
 
-_MARGIN_M = 0.5
+_FENCE_MARGIN_M = 0.5
 """A position this near to the edge may lie beyond it for the autopilot: home and its own rounding differ a little. What
 is inside of UAL's own reserve never comes that near."""
 
@@ -46,6 +46,6 @@ class DroppedPositions:
         key = (own, snapshot.earth.projection, snapshot.earth.home_geo, snapshot.earth.home_altitude_amsl_m)
         made = self._made
         if made is None or made[0] != key:
-            fence = autopilot_fence.within_zones(Fence(()), own, snapshot, _MARGIN_M)
-            made = self._made = (key, autopilot_fence.within_limits(fence, own, snapshot, _MARGIN_M))
+            fence = autopilot_fence.within_zones(Fence(()), own, snapshot, _FENCE_MARGIN_M)
+            made = self._made = (key, autopilot_fence.within_limits(fence, own, snapshot, _FENCE_MARGIN_M))
         return made[1]

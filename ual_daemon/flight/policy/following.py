@@ -16,7 +16,7 @@ from ual.errors import WrongStateError
 from ual.types import State
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Cause, Control, Mode, Sample, Snapshot
-from ual_daemon.flight.policy.touch_down import STANDS_M_S
+from ual_daemon.flight.policy.touch_down import STANDING_SPEED_M_S
 from ual_daemon.flight.state import Estimate
 from ual_daemon.tracker.references import Hold, Reference, Velocity
 
@@ -28,33 +28,33 @@ OWN_DESCENT_M_S = 2.0
 """Speed in m/s at which an autopilot may descend by itself (PX4 1.5 m/s, ArduPilot 1.5 m/s), if its limits do not say
 more.
 """
-CARRIED_M_S = 6.0
+CARRIED_SPEED_M_S = 6.0
 """Faster than a disarmed UAV is carried, as in a lift."""
-_BELOW_M = 1.0
+_DEPTH_M = 1.0
 """Metres below the UAV from which a pose requests a descent."""
-_BRAKES_M_S2 = 0.7
+_DESCENT_BRAKING_M_S2 = 0.7
 """A descent that is asked no more may end so slowly: less than the least acceleration of any autopilot's limits."""
-_EVERY_S = 0.09
+_VELOCITY_PERIOD_S = 0.09
 """Between two looks: a velocity that comes sooner shows no more."""
-_DESCENDS_M_S = 0.5
+_DESCENT_SPEED_M_S = 0.5
 """Speed of descent in m/s below which nothing counts as a fall, whatever was asked."""
-_GAINS_M_S = 0.5
+_SPEED_GAIN_M_S = 0.5
 """A descent that has become faster by so much since the look before may be a fall: each velocity is looked at then."""
-_RECENT_COUNT = 9
-"""Velocities that are kept, `_EVERY_S` apart: those of `_OLDEST_S`."""
-_FALLS_S = 0.1
+_RECENT_VELOCITIES_COUNT = 9
+"""Velocities that are kept, `_VELOCITY_PERIOD_S` apart: those of `_OLDEST_S`."""
+_FALL_TIME_S = 0.1
 """Seconds that a fall must last: three velocities at 30 Hz."""
 GAIN_S, _OLDEST_S = 0.35, 0.75
 """Age in seconds of the newest descent that is compared, and its largest age."""
-GAIN_M_S = 2.2
+LEAST_FALL_GAIN_M_S = 2.2
 """Gain of descent in m/s since then that counts as a fall: 6.3 m/s^2 for 0.35 s. No controller brakes so late."""
-_GAIN_SHARE = 1.5
+_ACCELERATION_SHARE = 1.5
 """The same, of what the autopilot may gain by its own acceleration in that time."""
 _DROP_SHARE = 0.4
 """The part of a fall by the velocities that must show in the positions: a wrong estimate of the velocity is no fall."""
 TILT_RAD = math.radians(70.0)
 """Beyond what an autopilot tilts by itself: PX4 45 deg at most (MPC_TILTMAX_AIR), ArduPilot 30 deg (ANGLE_MAX)."""
-_TILTS_S = 0.3
+_TILT_TIME_S = 0.3
 ASTRAY_M = 3.0
 """Distance in metres from its reference at which a UAV does not follow: a reference that leads waits for it within 2
 m.
@@ -67,22 +67,22 @@ _MOVES_M_S, _TOWARDS_SHARE = 0.5, 0.5
 _LOOK_S, _LOOK_AT_REST_S = 0.2, 0.5
 """Between two comparisons of the place, of a UAV that moves, and of one that does not."""
 _LEAST_BRAKING_M_S2 = 1.0
-_TURNED_M = 0.5
+_RETURN_DISTANCE_M = 0.5
 """Once it has come nearer by this it flies to the pose."""
 _OFF_M_S, _OFF_SHARE, _OFF_S = 2.0, 0.3, 2.5
 """Error in m/s, error as a share, and seconds after which a velocity that does not come nearer is not followed."""
-_NEARER_M_S = 0.3
+_SPEED_RECOVERY_M_S = 0.3
 NAMED_M, NAMED_M_S, _NAMED_S = 1.0, 1.0, 0.3
 """The same where the autopilot shows another sender's targets: two signs agree then."""
 _STILL_M_S, _STILL_S = 0.4, 1.0
 """Speed in m/s below which, and seconds after which, it stands still."""
-DISARMED_S = 3.0
+DISARMED_TIME_S = 3.0
 """Seconds after the disarming in the air within which it may begin to fall."""
 _STOPPED_DROP_M, _STOPPED_S = 1.0, 8.0
 """Drop in metres, or seconds without a disarming, after which the motors are stopped in the air, in a landing
 (COM_KILL_DISARM is 5 s).
 """
-_LONGEST_GAP_S = 1.0
+_LONGEST_VELOCITY_GAP_S = 1.0
 """Seconds without a velocity after which nothing follows from those before."""
 _UNSEEN_M, _UNSEEN_S = 1.5, 30.0
 """Metres below its possible descent that prove a fall while the UAV was not observed, and the most seconds of that
@@ -161,7 +161,7 @@ class Following:
         """Since when a velocity is off, and by how much it was then."""
         self._armed_s = -math.inf
         """Last time at which it was in the air and armed."""
-        self._recent: deque[_ReceivedVelocity] = deque(maxlen=_RECENT_COUNT)
+        self._recent: deque[_ReceivedVelocity] = deque(maxlen=_RECENT_VELOCITIES_COUNT)
         self._before: _ReceivedVelocity | None = None
         """Last observation, where that was in the air."""
         self._boots_count = 0
@@ -243,7 +243,7 @@ class Following:
 
         It is short: in ordinary flight it compares numbers, and requests the reference at few updates.
         """
-        self.due_s = snapshot.time_s + _EVERY_S
+        self.due_s = snapshot.time_s + _VELOCITY_PERIOD_S
         if self._is_released:
             self._is_released, self.why, self.trouble = False, "", None  # an update may have told it meanwhile
             self.forget()
@@ -261,7 +261,7 @@ class Following:
         self._seen_s = now_s
         if passed_s < 0.0:  # it has booted
             self._asked_s, self._armed_s, self._before = -math.inf, -math.inf, None
-        if not 0.0 < passed_s <= _LONGEST_GAP_S or snapshot.time_s - velocity.time_s > _LONGEST_GAP_S:
+        if not 0.0 < passed_s <= _LONGEST_VELOCITY_GAP_S or snapshot.time_s - velocity.time_s > _LONGEST_VELOCITY_GAP_S:
             self._begin_anew()
         x, y, z = velocity.value.linear
         self._speed_squared = x * x + y * y + z * z
@@ -313,7 +313,7 @@ class Following:
 
     def _note_lying(self, now_s: float) -> None:
         """Notes that it lies, after the motors were stopped. The estimate is bad after an impact."""
-        if self._speed_squared > STANDS_M_S * STANDS_M_S:
+        if self._speed_squared > STANDING_SPEED_M_S * STANDING_SPEED_M_S:
             self._slow_s = math.inf
         elif self._slow_s == math.inf:
             self._slow_s = now_s
@@ -332,8 +332,8 @@ class Following:
         if is_in_air:
             self._armed_s = now_s
         if state is State.LANDED_DISARMED:
-            is_new = now_s - self._armed_s <= DISARMED_S or self.trouble is Trouble.DISARMED
-            fall = self._falls(now_s, z_m, down_m_s, FALL_M_S if is_new else CARRIED_M_S)
+            is_new = now_s - self._armed_s <= DISARMED_TIME_S or self.trouble is Trouble.DISARMED
+            fall = self._falls(now_s, z_m, down_m_s, FALL_M_S if is_new else CARRIED_SPEED_M_S)
             return (Trouble.DISARMED, down_m_s) if fall else None
         is_stopped = Cause.TERMINATION in (control.failsafe, control.held_by)
         if not is_stopped:
@@ -344,7 +344,7 @@ class Following:
             self._begin_anew()
             return None  # its pilot may fly freely
         self._keep(snapshot.time_s, _ReceivedVelocity(now_s, z_m, down_m_s))
-        if down_m_s <= _DESCENDS_M_S:
+        if down_m_s <= _DESCENT_SPEED_M_S:
             self._fall = None
         else:
             is_pilots = state is State.FLYING_MANUAL and not _is_autonomous(control.mode)
@@ -366,9 +366,9 @@ class Following:
         fall from 1.5 m lasts for half a second.
         """
         last = self._recent[-1] if self._recent else seen
-        if self._fall is not None or seen.down_m_s > max(last.down_m_s, 0.0) + _GAINS_M_S:
+        if self._fall is not None or seen.down_m_s > max(last.down_m_s, 0.0) + _SPEED_GAIN_M_S:
             self.due_s = time_s
-        if last is seen or seen.time_s - last.time_s >= _EVERY_S:
+        if last is seen or seen.time_s - last.time_s >= _VELOCITY_PERIOD_S:
             self._recent.append(seen)
 
     def _tilted_or_astray(
@@ -378,11 +378,11 @@ class Following:
         assert pose is not None
         x, y, *_ = pose.value.orientation
         level = 1.0 - 2.0 * (x * x + y * y)
-        if level >= _COS_TILT:
+        if level >= _TILT_COSINE:
             self._tilted_s = math.inf
         elif self._tilted_s == math.inf:
             self._tilted_s = now_s
-        elif now_s - self._tilted_s >= _TILTS_S:
+        elif now_s - self._tilted_s >= _TILT_TIME_S:
             return Trouble.TILT, math.degrees(math.acos(max(-1.0, level)))
         if current is None or state is not State.FLYING_AUTO:
             self._forget_distance()
@@ -422,12 +422,12 @@ class Following:
             asked_m_s = own_m_s
         elif isinstance(reference, Hold):
             assert snapshot.motion.pose is not None
-            asked_m_s = own_m_s if snapshot.motion.pose.value.position.z - reference.position.z > _BELOW_M else 0.0
+            asked_m_s = own_m_s if snapshot.motion.pose.value.position.z - reference.position.z > _DEPTH_M else 0.0
         elif isinstance(reference, Velocity):
             asked_m_s = -reference.velocity(snapshot).z
         else:
             asked_m_s = -reference.motion(snapshot).velocity.z
-        left_m_s = self._asked_down_m_s - _BRAKES_M_S2 * (self._seen_s - self._asked_s)
+        left_m_s = self._asked_down_m_s - _DESCENT_BRAKING_M_S2 * (self._seen_s - self._asked_s)
         self._asked_down_m_s, self._asked_s = max(asked_m_s, left_m_s, 0.0), self._seen_s
         return self._asked_down_m_s
 
@@ -436,8 +436,8 @@ class Following:
         seen = next((each for each in reversed(self._recent) if now_s - each.time_s >= GAIN_S), None)
         if seen is None or now_s - seen.time_s > _OLDEST_S:
             return math.inf
-        own_m_s = _GAIN_SHARE * self._backend.info().limits.vertical_acceleration_m_s2 * (now_s - seen.time_s)
-        return max(seen.down_m_s, 0.0) + max(GAIN_M_S, own_m_s)
+        own_m_s = _ACCELERATION_SHARE * self._backend.info().limits.vertical_acceleration_m_s2 * (now_s - seen.time_s)
+        return max(seen.down_m_s, 0.0) + max(LEAST_FALL_GAIN_M_S, own_m_s)
 
     def _fell_unseen(self, snapshot: Snapshot, state: State) -> tuple[Trouble, float] | None:
         """Returns that it is lower after a gap than it can have descended in it; None where it need not have fallen."""
@@ -445,7 +445,7 @@ class Following:
         if (
             before is None
             or _is_by_hand(state, snapshot.control.mode)
-            or not _LONGEST_GAP_S < now_s - before.time_s <= _UNSEEN_S
+            or not _LONGEST_VELOCITY_GAP_S < now_s - before.time_s <= _UNSEEN_S
         ):
             return None
         passed_s, mode = now_s - before.time_s, snapshot.control.mode
@@ -478,7 +478,7 @@ class Following:
             self._fall = _ReceivedVelocity(now_s, z_m, down_m_s)
             return False
         passed_s = now_s - fall.time_s
-        if passed_s < _FALLS_S:
+        if passed_s < _FALL_TIME_S:
             return False
         return fall.z_m - z_m >= _DROP_SHARE * passed_s * fall.down_m_s
 
@@ -515,7 +515,7 @@ class Following:
             self._turn_m = speed_m_s * speed_m_s / (2.0 * _LEAST_BRAKING_M_S2)
         else:
             self._nearest, self._furthest = min(self._nearest + moved_m, off_m), max(self._furthest, off_m)
-            if off_m < self._furthest - _TURNED_M:
+            if off_m < self._furthest - _RETURN_DISTANCE_M:
                 self._turn_m = 0.0
         self._hold = hold
         return self._nearest + self._turn_m
@@ -528,7 +528,7 @@ class Following:
         is_named = bool(snapshot.control.other_sender)
         if off_m_s <= (NAMED_M_S if is_named else _OFF_M_S) + _OFF_SHARE * asked.norm():
             self._off = (-math.inf, math.inf)
-        elif since_s == -math.inf or off_m_s < began_m_s - _NEARER_M_S or off_m_s > began_m_s + FALL_M_S:
+        elif since_s == -math.inf or off_m_s < began_m_s - _SPEED_RECOVERY_M_S or off_m_s > began_m_s + FALL_M_S:
             self._off = (self._seen_s, off_m_s)
         elif self._seen_s - since_s >= (_NAMED_S if is_named else _OFF_S):
             return Trouble.ASTRAY, off_m_s
@@ -546,7 +546,7 @@ def _is_by_hand(state: State, mode: Sample[Mode] | None) -> bool:
     )
 
 
-_COS_TILT = math.cos(TILT_RAD)
+_TILT_COSINE = math.cos(TILT_RAD)
 _STOPS = "the autopilot {} stopped its motors in the air (flight termination, or a kill switch)"
 _LEADING = (Trouble.STOPPED, Trouble.DISARMED)
 """Troubles that name the cause, and not only its consequence."""

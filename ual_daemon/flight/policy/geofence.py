@@ -37,15 +37,15 @@ ends are checked.)
 """
 _SPEED_MARGIN_FACTOR = 2.0
 """A trajectory is assumed to be nowhere faster than this many times the limits and the speed of its start."""
-_GENTLE_M_S = 0.2
+_GENTLE_DESCENT_M_S = 0.2
 """A velocity that sinks more slowly may lead as near to the ground as a goal. One that climbs more slowly may lead as
 far above the ceiling as the estimate may be off. A hover must not be refused because of noise.
 """
 _SINKING_M_S = 0.02
 """A velocity that sinks no faster keeps its height."""
-_MOST_GIVEN_M = 0.1
+_MOST_GOAL_MARGIN_M = 0.1
 """A goal may be this much nearer to the ground than the clearance."""
-_LEVEL = 1e-6
+_LEVEL_TOLERANCE = 1e-6
 _AT_REST = Vector3()
 _ANYWHERE = FrameInLocal(Transform(), OdomMetres(Vector3()))
 _SAME_POINT_M = 1e-6
@@ -257,7 +257,7 @@ class GeofencePolicy:
 
     def _make(self, frame: FrameInLocal, snapshot: Snapshot) -> Fence:
         up = frame.rotation.rotate(Vector3(0.0, 0.0, 1.0))
-        if math.hypot(up.x, up.y) > _LEVEL:
+        if math.hypot(up.x, up.y) > _LEVEL_TOLERANCE:
             raise WrongStateError(f"the geofence cannot be checked: its frame {self._frame_id} is not level")
         if self._settings.polygon_geo:
             assert snapshot.earth.projection is not None
@@ -310,7 +310,7 @@ class GeofencePolicy:
 
     def _goal_margin_m(self) -> float:
         """Returns how far below the clearance a goal may lie, so that a hover at it is no goal beyond it."""
-        return min(_MOST_GIVEN_M, self.clearance_m / 2.0)
+        return min(_MOST_GOAL_MARGIN_M, self.clearance_m / 2.0)
 
     def top_z_m(self, snapshot: Snapshot) -> float:
         """Returns z of the ceiling or of the top of the configured fence, whichever is lower. Raises as `fence`."""
@@ -522,14 +522,14 @@ class GeofencePolicy:
     def _require_stop_between(self, now: _CachedFence, points: ReachablePoints, velocity: Vector3) -> None:
         """Raises `GeofenceError` if a velocity leads through the clearance of the floor, or through the ceiling."""
         stop_z_m = points.commanded_stop[2]
-        given_m = self._goal_margin_m() if velocity.z >= -_GENTLE_M_S else 0.0
+        given_m = self._goal_margin_m() if velocity.z >= -_GENTLE_DESCENT_M_S else 0.0
         if velocity.z < -_SINKING_M_S and stop_z_m < now.floor_z_m - given_m:
             raise GeofenceError(
                 f"velocity: from {self._text(Vector3(*points.here))} the UAV could not stop above the floor "
                 f"({self._floor_text()})",
                 {"setting": "floor_m"},
             )
-        if velocity.z > _GENTLE_M_S and stop_z_m > now.ceiling_z_m:
+        if velocity.z > _GENTLE_DESCENT_M_S and stop_z_m > now.ceiling_z_m:
             raise GeofenceError(
                 f"velocity: from {self._text(Vector3(*points.here))} the UAV could not stop below the ceiling "
                 f"({self._ceiling_text()})",

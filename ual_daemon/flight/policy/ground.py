@@ -10,12 +10,12 @@ from ual.types import State
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.state import Estimate
 
-SEEN_NOISE_M = 0.7
+MEASURED_NOISE_M = 0.7
 """Error of the estimated height in metres: PX4's wanders by 0.3 to 0.7 m within a minute or two on the ground."""
 ASSUMED_NOISE_M = 2.0
 """The same where the ground is assumed: PX4 corrects the altitude of its home by up to 1.7 m in flight."""
 _SAME_ORIGIN_M = 0.01
-_SURE_S = 1.0
+_GROUND_CONFIRMATION_S = 1.0
 """Seconds for which the autopilot must have reported that it stands, where UAL flies by references: it may err for a
 moment.
 """
@@ -78,7 +78,7 @@ class Ground:
 
     def _stands(self, snapshot: Snapshot, *, is_led: bool) -> bool:
         """Returns whether it stands armed, for long enough to believe that."""
-        needed_s = _SURE_S if is_led and self.place is not None else 0.0
+        needed_s = _GROUND_CONFIRMATION_S if is_led and self.place is not None else 0.0
         return self._stands_s is not None and snapshot.time_s - self._stands_s >= needed_s
 
     def estimate_jumped(self, jump: Vector3) -> None:
@@ -93,7 +93,7 @@ class Ground:
     def datum(self, snapshot: Snapshot, odom_z_m: Callable[[], float]) -> Datum:
         """Returns what heights are measured from. `odom_z_m` returns the z of the origin of ``<ns>/odom``."""
         if (z_m := self.z_m) is not None:
-            return Datum(z_m, "the ground of the take-off", SEEN_NOISE_M)
+            return Datum(z_m, "the ground of the take-off", MEASURED_NOISE_M)
         home_m, projection = snapshot.earth.home_altitude_amsl_m, snapshot.earth.projection
         if home_m is not None and projection is not None:
             home_z_m = home_m - projection.altitude_amsl_m

@@ -14,13 +14,13 @@ from ual_daemon.flight.policy.jumps import Confirmation, EstimateJump
 
 JUMP_RAD = 0.2
 """Least turn of an estimate in rad that counts as a jump; noise stays below it, and is turned back."""
-_LATE_S = 0.25
+_LATE_HEADING_S = 0.25
 """Seconds by which the heading of a pose may be older than its position: the autopilot sends them in different
 messages.
 """
 _ACCELERATION_RAD_S2 = 5.0
 """Between two headings the yaw rate may be another one than both, by half of this times the time."""
-_LONGEST_S = 0.5
+_HEADING_S = 0.5
 """After a longer gap between two headings nothing can be said."""
 
 
@@ -54,10 +54,10 @@ class HeadingJumpDetector:
 
 def _jump_rad(last: _ReceivedHeading | None, new: _ReceivedHeading) -> float:
     """Returns by how much the heading has changed where the yaw rate does not explain it; else 0."""
-    if last is None or new.boots_count != last.boots_count or not 0.0 <= new.received_s - last.received_s <= _LONGEST_S:
+    if last is None or new.boots_count != last.boots_count or not 0.0 <= new.received_s - last.received_s <= _HEADING_S:
         return 0.0
     passed_s = new.received_s - last.received_s
     change_rad = wrap_angle(new.yaw_rad - last.yaw_rad)
     fastest_rad_s = max(abs(last.rate_rad_s), abs(new.rate_rad_s))
-    free_rad = JUMP_RAD + fastest_rad_s * (passed_s + _LATE_S) + _ACCELERATION_RAD_S2 / 2 * passed_s * passed_s
+    free_rad = JUMP_RAD + fastest_rad_s * (passed_s + _LATE_HEADING_S) + _ACCELERATION_RAD_S2 / 2 * passed_s * passed_s
     return change_rad if abs(change_rad) > free_rad else 0.0

@@ -17,19 +17,17 @@ T = TypeVar("T")
 JUMP_M = 1.0
 """Least step of an estimate in metres that counts as a jump; noise stays below it, and is flown out."""
 ANNOUNCED_JUMP_M = 0.2
-"""Least step in metres that counts as a jump for `ANNOUNCED_S` after one was announced: the source of the poses has
-moved.
-"""
-ANNOUNCED_S = 3.0
-_NOISE_FACTOR = 4.0
+"""Least step in metres that counts as a jump for `ANNOUNCED_JUMP_S` after one was announced: the source has moved."""
+ANNOUNCED_JUMP_S = 3.0
+_STEP_NOISE_FACTOR = 4.0
 """Factor of its usual steps by which a noisy estimate must jump."""
-_SMOOTHING_SHARE = 0.05
-_LONGEST_S = 2.0
+_STEP_SMOOTHING_SHARE = 0.05
+_LONGEST_POSITION_GAP_S = 2.0
 """After a longer gap between two positions nothing can be said."""
 _ACCELERATION_M_S2 = 4.0
 """Between two positions a UAV may fly elsewhere than the mean of its velocities says, by half of this times the time
 squared."""
-SUSPECTED_S = 0.2
+SUSPECTED_JUMP_S = 0.2
 """Seconds for which a suspicion counts if no other position comes."""
 
 
@@ -89,7 +87,7 @@ class Confirmation(Generic[T]):
 
     def is_suspected(self, now_s: float) -> bool:
         """Returns whether the newest pose has jumped, but another one must confirm it, and may still come."""
-        return self.is_waiting and now_s - self._newest_s < SUSPECTED_S
+        return self.is_waiting and now_s - self._newest_s < SUSPECTED_JUMP_S
 
     def accept(self, new: T) -> None:
         """Takes a pose that is compared with those that follow."""
@@ -133,10 +131,11 @@ class JumpDetector:
         passed_s = 0.0 if last is None else _longest_s(last, new)
         if last is None or new.boots_count != last.boots_count:
             poses.is_waiting = False
-            if _is_good(snapshot):  # before that it finds its position for the first time
+            estimator = snapshot.motion.estimator
+            if estimator is not None and estimator.value.is_good:  # until then it looks for its first position
                 poses.accept(new)
             return None
-        if passed_s > _LONGEST_S:
+        if passed_s > _LONGEST_POSITION_GAP_S:
             poses.accept(new)
             return None
         step = _unexplained(last, new, passed_s)
@@ -145,15 +144,15 @@ class JumpDetector:
 
     def _free_m(self, new: _ReceivedPosition) -> float:
         """Returns by how much the position may change without an explanation."""
-        is_announced = new.received_s - self._announced_s < ANNOUNCED_S
-        return max(ANNOUNCED_JUMP_M if is_announced else JUMP_M, _NOISE_FACTOR * self._usual_m)
+        is_announced = new.received_s - self._announced_s < ANNOUNCED_JUMP_S
+        return max(ANNOUNCED_JUMP_M if is_announced else JUMP_M, _STEP_NOISE_FACTOR * self._usual_m)
 
     def _is_continued(self, last: _ReceivedPosition, new: _ReceivedPosition) -> bool:
         """Returns whether the velocity explains the change of position well. In plain numbers, as each update calls
         it.
         """
         passed_s = new.received_s - last.received_s
-        if not 0.0 <= passed_s <= _LONGEST_S or new.boots_count != last.boots_count:
+        if not 0.0 <= passed_s <= _LONGEST_POSITION_GAP_S or new.boots_count != last.boots_count:
             return False
         p, v, q, w = last.position, last.velocity, new.position, new.velocity
         half_s = passed_s / 2
@@ -162,12 +161,8 @@ class JumpDetector:
         )
         if size_m > ANNOUNCED_JUMP_M and size_m > self._free_m(new):
             return False
-        self._usual_m += (size_m - self._usual_m) * _SMOOTHING_SHARE
+        self._usual_m += (size_m - self._usual_m) * _STEP_SMOOTHING_SHARE
         return True
-
-
-def _is_good(snapshot: Snapshot) -> bool:
-    return snapshot.motion.estimator is not None and snapshot.motion.estimator.value.is_good
 
 
 def _longest_s(last: _ReceivedPosition, new: _ReceivedPosition) -> float:

@@ -21,7 +21,7 @@ from ual_daemon.backends.clock import steady_s
 EXPIRES_AFTER_S = 2.0
 """Seconds that a lease lasts after it was kept last. A program that is alive keeps it four times as often."""
 NOBODY = ""
-_MOST_REMEMBERED = 100
+_MOST_ENDED_LEASES = 100
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +127,7 @@ class FlightLease:
         if self._held is None:
             return
         self._ended[self._held.id] = how
-        if len(self._ended) > _MOST_REMEMBERED:
+        if len(self._ended) > _MOST_ENDED_LEASES:
             del self._ended[next(iter(self._ended))]
         self._held, self._expires_s, self.id = None, math.inf, NOBODY
 

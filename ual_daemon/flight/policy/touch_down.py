@@ -6,9 +6,9 @@ from ual.types import State
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.state import Estimate
 
-STANDS_S = 0.4
+STANDING_TIME_S = 0.4
 """Seconds after which a UAV without its motors falls at 4 m/s."""
-STANDS_M_S = 1.0
+STANDING_SPEED_M_S = 1.0
 """Speed in m/s below which a UAV may stand on the ground."""
 _WITHOUT_VELOCITY_S = 2.0
 """Seconds for which a velocity is awaited."""
@@ -29,9 +29,9 @@ class TouchDown:
         if self._since_s is None:
             self._since_s = snapshot.time_s
         velocity = snapshot.motion.velocity
-        if velocity is None or velocity.time_s - self._since_s < STANDS_S:
+        if velocity is None or velocity.time_s - self._since_s < STANDING_TIME_S:
             return snapshot.time_s - self._since_s >= _WITHOUT_VELOCITY_S
-        if abs(velocity.value.linear.z) > STANDS_M_S:
+        if abs(velocity.value.linear.z) > STANDING_SPEED_M_S:
             self._since_s = None
             return False
         return True

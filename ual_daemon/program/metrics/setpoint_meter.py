@@ -10,7 +10,7 @@ from itertools import accumulate
 from typing import NamedTuple
 
 from ual_daemon.backends.values import Setpoint
-from ual_daemon.flight.policy.authority import LONGEST_GAP_S
+from ual_daemon.flight.policy.authority import LONGEST_LINK_GAP_S
 
 BOUNDS_S = (0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 5.0, math.inf)
 """Buckets of the histogram: the largest lateness of their setpoints in s."""
@@ -46,7 +46,7 @@ class SetpointMeter:
         with self._lock:
             gap_s, self._sent_s = now_s - self._sent_s, now_s
             self.sent_count += 1
-            if gap_s <= LONGEST_GAP_S:
+            if gap_s <= LONGEST_LINK_GAP_S:
                 late_s = max(0.0, gap_s - self._period_s)
                 self._counts[bisect_left(BOUNDS_S, late_s)] += 1
                 self._sum_s += late_s

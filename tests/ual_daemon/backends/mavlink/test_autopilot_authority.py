@@ -17,7 +17,7 @@ from tests.waiting import until
 from ual.errors import TaskAbortedError, WrongStateError
 from ual.types import State
 from ual_daemon.backends.mavlink.wire.messages import Codec, mavlink
-from ual_daemon.flight.policy.authority import LONGEST_GAP_S
+from ual_daemon.flight.policy.authority import LONGEST_LINK_GAP_S
 
 OURS, GROUND_STATION = (1, 191), (255, 190)
 POSITION_ONLY = 0b110111111000
@@ -250,7 +250,7 @@ def test_after_a_long_silence_the_flight_may_be_anothers_and_nothing_is_sent(
 ) -> None:
     flight.take_off()
     flight.link.down = flight.link.up = SILENT
-    flight.let_pass(LONGEST_GAP_S + 2.0)
+    flight.let_pass(LONGEST_LINK_GAP_S + 2.0)
     flight.autopilot.setpoint_senders.clear()
     flight.link.down = flight.link.up = GOOD
     flight.wait_for_state(*(state for state in State if state is not State.UNINITIALIZED))
@@ -264,7 +264,7 @@ def test_after_a_long_silence_the_flight_may_be_anothers_and_nothing_is_sent(
 def test_after_a_long_go_to_the_flight_is_still_ours(flight: Flight) -> None:
     flight.take_off()
     task = flight.uav.go_to_waypoint(flight.goal(200.0, 0.0), blocking=False, max_speed_m_s=2.0)
-    flight.let_pass(LONGEST_GAP_S + 2.0)
+    flight.let_pass(LONGEST_LINK_GAP_S + 2.0)
     task.cancel()
     flight.let_pass(2.0)
     flight.autopilot.setpoint_senders.clear()

@@ -6,7 +6,7 @@ from tests.ual_daemon.flight.manoeuvres.test_autopilot_mission import KEPT, Miss
 from ual.errors import RejectedByAutopilotError
 from ual.missions.plan import MissionStage
 from ual_daemon.backends.offers.missions import KeptMission, MissionReport
-from ual_daemon.flight.manoeuvres.mission_watch import AGAIN_S, LOOK_S, SETTLE_S, MissionWatch
+from ual_daemon.flight.manoeuvres.mission_watch import CHANGE_DELAY_S, READ_PAUSE_S, READ_RETRY_S, MissionWatch
 
 
 def tell(offer: Missions, mission_id: int, *changes: int) -> None:
@@ -39,7 +39,7 @@ def test_without_a_checksum_it_is_read_once_the_upload_has_ended() -> None:
         tell(offer, 0, 4, text)
         watch.step(1.0 + 0.1 * text)
     assert offer.asked == ["download"]
-    watch.step(1.3 + SETTLE_S)
+    watch.step(1.3 + CHANGE_DELAY_S)
     assert offer.asked == ["download", "download"]
 
 
@@ -48,7 +48,7 @@ def test_without_a_checksum_it_is_read_again_and_again_for_a_third_of_the_time()
     offer = Missions()
     watch = MissionWatch(offer, KEPT)
     tell(offer, 0, 4, 0)
-    for began_s, took_s, next_s in ((0.0, 0.02, LOOK_S), (2.0, 0.2, 0.4)):
+    for began_s, took_s, next_s in ((0.0, 0.02, READ_PAUSE_S), (2.0, 0.2, 0.4)):
         watch.step(began_s)
         ended_s = began_s + took_s
         for tenth in range(1, round(10 * took_s)):
@@ -96,7 +96,7 @@ def test_a_read_that_fails_is_repeated_soon_and_then_each_second() -> None:
     tell(offer, 0, 4, 0)
     now_s = 0.0
     watch.step(now_s)
-    for pause_s in (0.2, 0.4, 0.8, AGAIN_S, AGAIN_S):
+    for pause_s in (0.2, 0.4, 0.8, READ_RETRY_S, READ_RETRY_S):
         asked = len(offer.asked)
         offer.read.set_exception(RejectedByAutopilotError("INVALID"))
         watch.step(now_s)

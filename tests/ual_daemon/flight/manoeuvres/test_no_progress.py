@@ -29,7 +29,7 @@ from ual_daemon.backends.values import (
 from ual_daemon.flight.manoeuvres.follow import FollowTrajectory, MakeTracker
 from ual_daemon.flight.manoeuvres.follow_moving_goal import FollowMovingGoal
 from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre, Step
-from ual_daemon.flight.manoeuvres.progress_watch import STUCK_S, Headway
+from ual_daemon.flight.manoeuvres.progress_watch import STUCK_TIME_S, Headway
 from ual_daemon.flight.state import estimate
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.settings import ToleranceSettings
@@ -193,7 +193,7 @@ def test_a_motion_that_is_held_fast_ends_within_10_s(
     manoeuvre = follow(flown, path(START, [PathWaypoint(Vector3(90.0, 2.0, 5.0))], 0.0, at(speed_m_s)), tracker)
     flown.run(manoeuvre, held_after_s)
     flown.is_held_fast = True
-    assert STUCK_S - 0.2 - 0.3 / speed_m_s < flown.ends_after_s(manoeuvre) < WITHIN_S + 0.3 / speed_m_s
+    assert STUCK_TIME_S - 0.2 - 0.3 / speed_m_s < flown.ends_after_s(manoeuvre) < WITHIN_S + 0.3 / speed_m_s
 
 
 def test_one_that_is_held_fast_at_any_time_of_a_path_with_holds_ends_within_10_s_or_is_there() -> None:

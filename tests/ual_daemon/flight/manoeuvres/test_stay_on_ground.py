@@ -16,7 +16,7 @@ from ual_daemon.backends.values import Cause, Control, LandedState
 from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre
 from ual_daemon.flight.manoeuvres.stay_on_ground import LIFTS_OFF_S
 from ual_daemon.flight.mission_stop import MissionStop
-from ual_daemon.flight.policy.authority import LONGEST_GAP_S
+from ual_daemon.flight.policy.authority import LONGEST_LINK_GAP_S
 from ual_daemon.tracker.limits import CurrentLimits
 
 
@@ -300,7 +300,7 @@ def test_after_a_long_silence_it_is_not_stopped_any_more(name: str, request: pyt
     stopped: Stopped = request.getfixturevalue(name)
     asked_count = len(stopped.asked.names)
     stopped.autopilot.silent_s = 100.0
-    error = stopped.until_end(LONGEST_GAP_S + 1.0)
+    error = stopped.until_end(LONGEST_LINK_GAP_S + 1.0)
     assert isinstance(error, LinkLostError)
     assert "the flight may be another's" in str(error)
     assert len(stopped.asked.names) == asked_count

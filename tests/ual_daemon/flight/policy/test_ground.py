@@ -7,7 +7,7 @@ import pytest
 from ual.geometry import Pose
 from ual.types import State
 from ual_daemon.backends.values import EarthReference, MotionState, Sample, Snapshot
-from ual_daemon.flight.policy.ground import ASSUMED_NOISE_M, SEEN_NOISE_M, Ground
+from ual_daemon.flight.policy.ground import ASSUMED_NOISE_M, MEASURED_NOISE_M, Ground
 from ual_daemon.flight.state import Estimate
 from ual_daemon.geodesy import FlatProjection
 
@@ -29,7 +29,7 @@ def test_the_ground_is_where_the_uav_stood_last(landed: State) -> None:
     ground = Ground()
     for z, state in ((0.1, landed), (0.6, landed), (50.0, State.FLYING_AUTO), (20.0, State.UNINITIALIZED)):
         ground.observe(at(z), Estimate(state, ""))
-    assert ground.datum(at(20.0), lambda: 0.0) == (0.6, "the ground of the take-off", SEEN_NOISE_M)
+    assert ground.datum(at(20.0), lambda: 0.0) == (0.6, "the ground of the take-off", MEASURED_NOISE_M)
 
 
 @pytest.mark.parametrize(
