@@ -54,8 +54,10 @@ class Stopping:
 
         It begins with the motion of the current reference, except where that is only a pose. The UAV may be anywhere on
         its way there, so it then begins with the measured motion. It brakes straight ahead, or along the current
-        trajectory where only straight ahead would leave the geofence.
+        trajectory where only straight ahead would leave the geofence. A stop may follow another one.
         """
+        if isinstance(current, StopOnTrajectory):
+            current = current.followed
         start = None if isinstance(current, Hold) else motion_if_near(current, snapshot)
         if (
             start is not None

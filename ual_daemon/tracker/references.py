@@ -225,6 +225,11 @@ class StopOnTrajectory(Reference):
         self._brake: TrajectoryReference | None = None
         self._has_begun = False
 
+    @property
+    def followed(self) -> TrajectoryReference:
+        """The trajectory that is followed now: the one on which it comes to rest, or straight ahead."""
+        return self._brake or self._following
+
     @override
     def setpoint(self, snapshot: Snapshot) -> Setpoint:
         if self._brake is not None:
@@ -241,11 +246,11 @@ class StopOnTrajectory(Reference):
 
     @override
     def motion(self, snapshot: Snapshot) -> Motion:
-        return (self._brake or self._following).motion(snapshot)
+        return self.followed.motion(snapshot)
 
     @override
     def pose(self) -> Pose | None:
-        return (self._brake or self._following).pose()
+        return self.followed.pose()
 
 
 def setpoint_of(motion: Motion) -> PositionSetpoint:

@@ -162,8 +162,20 @@ def test_the_uav_does_not_leave_by_its_momentum_when_its_velocity_changes_to_one
         assert furthest <= 60.1
 
 
-@pytest.mark.parametrize("flown_m", [44.0, 50.0, 56.0])
-def test_an_abort_before_a_corner_at_the_edge_comes_to_rest_along_the_path(flown_m: float) -> None:
+@pytest.mark.parametrize(
+    ("flown_m", "again"),
+    [
+        (44.0, None),
+        (50.0, None),
+        (56.0, None),
+        (50.0, lambda uav: uav.vehicle.commands.abort()),
+        (50.0, lambda uav: uav.vehicle.release_lease(uav.vehicle.acquire_lease("another", ""))),
+    ],
+    ids=["early", "in the middle", "late", "aborted twice", "a lease begins and ends then"],
+)
+def test_an_abort_before_a_corner_at_the_edge_comes_to_rest_along_the_path(
+    flown_m: float, again: Callable[[Stepped], object] | None
+) -> None:
     """A corner of 30 degrees at 10 m/s: straight ahead, it would brake outside."""
     slope = math.tan(math.radians(30.0))
     edge = tuple((x, max(0.0, (x - 60.0) * slope) - 0.5) for x in (-10.0, 60.0, 200.0))
@@ -175,6 +187,9 @@ def test_an_abort_before_a_corner_at_the_edge_comes_to_rest_along_the_path(flown
         uav.prepare.follow_path(path, corner_radius_m=30.0).begin()
         uav.until(lambda: uav.pose.position.x >= flown_m)
         uav.vehicle.commands.abort()
+        if again is not None:
+            uav.run(0.2)
+            again(uav)
         for _ in range(round(8.0 / STEP_S)):
             uav.run(STEP_S)
             reference = uav.vehicle.telemetry().reference_pose
