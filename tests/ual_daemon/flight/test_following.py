@@ -73,6 +73,17 @@ def test_motors_that_work_again_in_the_air_hold_there_and_recover_allows_new_mot
     flying.end(flying.prepare.go_to_waypoint(at(1.0, 0.0, 6.0)).begin().future)
 
 
+def test_after_recover_the_height_is_held_again_and_does_not_sink_with_each_dip(flying: Stepped) -> None:
+    flying.sim.begin_fault(MotorsWeak(0.0), duration_s=0.6)
+    flying.run(5.0)
+    flying.end(flying.vehicle.commands.recover_from_manual().begin())
+    height = flying.pose.position.z
+    for _ in range(3):
+        flying.sim.begin_fault(MotorsWeak(0.0), duration_s=0.2)
+        flying.run(4.0)
+    assert flying.pose.position.z == pytest.approx(height, abs=0.1)
+
+
 @pytest.mark.parametrize("wind_m_s", [0.0, 6.0])
 def test_sharp_flights_and_wind_are_no_trouble(wind_m_s: float) -> None:
     with stepped() as uav:

@@ -56,7 +56,10 @@ def _at_rest(snapshot: Snapshot) -> Motion:
 
 @dataclass(eq=False, kw_only=True)
 class StandBy(FlyReference):
-    """Sends the present pose. Where the UAV has fallen, a landing follows: silence would lead PX4 to a return."""
+    """Sends the present pose until control is asked back, which then holds.
+
+    Where the UAV has fallen, a landing follows: silence would lead PX4 to a return.
+    """
 
     following: Following
     land: Callable[[Snapshot], Handover | None]
@@ -67,6 +70,8 @@ class StandBy(FlyReference):
         step = super().step(snapshot, estimate)
         if step.has_ended:
             return step
+        if not self.following.why:  # it follows again, and holds like any other
+            return Step(has_ended=True, is_to_stop=True)
         height_m, is_known = self.rules.geofence.height_m(snapshot)
         if not self.following.is_down(height_m, is_ground_known=is_known):
             return step
