@@ -232,7 +232,7 @@ class MavlinkSession:
         """Takes a frame of this autopilot, and its content where that is decoded."""
         self._supervision.on_frame(frame.sequence, now_s)
         self._signs = frame.is_signed
-        boot_ms = getattr(message, "time_boot_ms", 0)  # 0 also where it is not known
+        boot_ms = getattr(message, "time_boot_ms", 0) if frame.message_id in _LIVE_IDS else 0  # 0: it is not known
         identity, is_foreign = self.identity, False
         identity.on_frame(frame.sequence, address, now_s)
         if boot_ms > 0:
@@ -736,6 +736,17 @@ class MavlinkSession:
 
 
 _HEARTBEAT = mavlink.MAVLINK_MSG_ID_HEARTBEAT
+_LIVE_IDS = frozenset(
+    {
+        mavlink.MAVLINK_MSG_ID_ATTITUDE,
+        mavlink.MAVLINK_MSG_ID_ATTITUDE_QUATERNION,
+        mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED,
+        mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+        mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED,
+        mavlink.MAVLINK_MSG_ID_RC_CHANNELS,
+    }
+)
+"""Messages whose time since boot is the present one. Others may have that of an old report: PX4's on its gimbal."""
 _VTOL = mavlink.MAV_TYPE_VTOL_QUADROTOR
 _VERDICTS = {
     mavlink.MAV_RESULT_ACCEPTED: Verdict.ACCEPTED,

@@ -9,7 +9,7 @@ import pytest
 
 from tests.ual_daemon.backends.mavlink.fakes import BOOT_MS, UTC_S, Harness, attitude, heartbeat, position
 from ual_daemon.backends.engine.boot_time import MESSAGE_SILENCE_S, PROOFS_COUNT, SHORTEST_BOOT_S, WRAP_S, BootTime
-from ual_daemon.backends.mavlink.wire.messages import Message
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
 
 def run(boot: BootTime, boot_s: float, now_s: float, duration_s: float, rate_hz: float = 50.0) -> int:
@@ -124,3 +124,20 @@ def test_what_ran_for_less_than_the_silence_before_it_has_booted_in_it(boot_s: f
     assert not boot.update(10.0, now_s=100.0)
     believed = [boot.update(boot_s + after_s, now_s=135.0 + after_s) for after_s in (0.0, 0.02, 0.04)]
     assert believed == [False, False, is_reboot]
+
+
+def test_a_message_with_the_time_of_an_earlier_report_is_of_this_boot() -> None:
+    """PX4 stamps GIMBAL_MANAGER_INFORMATION with when it found the gimbal, and its status with the gimbal's report."""
+    harness = Harness()
+    harness.receive(heartbeat())
+    for step in range(120):
+        harness.run(0.05)
+        harness.receive(attitude(), position(60.0 + harness.now_s))
+        if step % 20 == 0:
+            harness.receive(
+                heartbeat(),
+                mavlink.MAVLink_gimbal_manager_information_message(8000, 0xFFF, 1, 0.0, 0.0, -1.0, 0.5, -1.0, 1.0),
+                mavlink.MAVLink_gimbal_manager_status_message(9000, 0, 1, 1, 190, 0, 0),
+            )
+    assert not harness.session.identity.conflict
+    assert [each.device_id for each in harness.discovery.protocols.gimbals.found] == [1]
