@@ -7,6 +7,7 @@ import math
 
 from ual_daemon import logs
 from ual_daemon.backends.engine.agreement import Agreement, AirborneWatch
+from ual_daemon.backends.engine.boot_time import WRAP_S
 from ual_daemon.backends.mavlink.dialects.detection import HeartbeatKind, kind_text
 from ual_daemon.backends.mavlink.links import Address
 
@@ -93,11 +94,12 @@ class VehicleIdentity:
             self._offsets_s = (offset_s, offset_s)
             return
         current_s, before_s = self._offsets_s
-        if abs(offset_s - current_s) <= BOOT_CLOCK_S:
+        apart_s = _apart_s(offset_s, current_s)
+        if apart_s <= BOOT_CLOCK_S:
             return
         self._offsets_s = (offset_s, current_s)
-        if abs(offset_s - before_s) <= BOOT_CLOCK_S:
-            why = f"two vehicles, booted {abs(offset_s - current_s):.0f} s apart, send as system {self._system_id}"
+        if _apart_s(offset_s, before_s) <= BOOT_CLOCK_S:
+            why = f"two vehicles, booted {apart_s:.0f} s apart, send as system {self._system_id}"
             self._show(self._clocks, why, now_s)
 
     def on_frame(self, sequence: int, address: Address | None, now_s: float) -> None:
@@ -141,3 +143,8 @@ class VehicleIdentity:
             logs.event(_log, logging.WARNING, "vehicle_conflict_ended", was=conflict)
         if self.doubt and not doubt:
             logs.event(_log, logging.WARNING, "vehicle_doubtful", why=self.doubt)
+
+
+def _apart_s(one_s: float, other_s: float) -> float:
+    """Returns the distance of two moments of boot. Milliseconds since boot that began again are of the same boot."""
+    return abs(math.remainder(one_s - other_s, WRAP_S))

@@ -82,6 +82,19 @@ def test_a_pose_goes_on_while_the_milliseconds_begin_anew() -> None:
     assert harness.discovery.link_statistics(harness.now_s).reboots_count == 0
 
 
+def test_milliseconds_that_begin_anew_show_no_second_vehicle_where_messages_come_late() -> None:
+    harness, pose_late_ms = Harness(), 180
+    harness.receive(heartbeat())
+    for boot_ms in range(-1000, 1000, 20):
+        harness.run(0.02, step_s=0.02)
+        message = attitude()
+        message.time_boot_ms = boot_ms % (1 << 32)
+        late = position(0.0)
+        late.time_boot_ms = (boot_ms - pose_late_ms) % (1 << 32)
+        harness.receive(late, message)
+        assert not harness.session.identity.conflict
+
+
 def test_a_simulator_may_run_much_faster_than_our_clock() -> None:
     boot = BootTime()
     assert sum(boot.update(10.0 + step * 0.5, step * 0.02) for step in range(1000)) == 0
