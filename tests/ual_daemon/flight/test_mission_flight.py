@@ -241,6 +241,21 @@ def test_a_landing_that_is_a_fall_fails_whenever_its_mode_comes(steps: int) -> N
     assert isinstance(task.future.exception(0.0), TaskAbortedError)
 
 
+@pytest.mark.parametrize("held_by", [None, Cause.OPEN])
+def test_others_who_start_a_mission_just_after_it_was_held_on_the_ground_keep_it(held_by: Cause | None) -> None:
+    """Also where they do so before it is known what has chosen the mode in which it holds."""
+    world = World(LandedState.ON_GROUND)
+    world.flight.stop_for_lease("its program has released the lease")
+    world.run(0.5)
+    world.wire.answer()
+    world.autopilot.mode, world.autopilot.held_by = world.offer.pause_mode, held_by
+    world.run(0.2)
+    world.autopilot.mode, world.autopilot.held_by = world.offer.mode, Cause.GROUND_STATION
+    world.run(5.0)
+    assert world.wire.asked == ["hold"]
+    assert not world.flight.is_stopping_mission
+
+
 def fall(world: World, act: Callable[[int], None], duration_s: float = 2.0) -> None:
     """Falls. `act` is called with the number of each update before it comes."""
     for step in range(round(duration_s / STEP_S)):

@@ -61,6 +61,10 @@ class StayOnGround(Manoeuvre):
         self._command.send(self._hold, judged)
 
     @override
+    def await_cause(self, snapshot: Snapshot) -> None:
+        self._note_mode(snapshot.control.mode_name, snapshot)
+
+    @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
         mode = snapshot.control.mode_name
         self.mode_begun = self.mode_begun or mode
