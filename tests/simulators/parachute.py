@@ -15,14 +15,20 @@ COMMAND: int = mavlink.MAV_CMD_DO_PARACHUTE
 ACCEPTED: int = mavlink.MAV_RESULT_ACCEPTED
 DENIED: int = mavlink.MAV_RESULT_DENIED
 _HEARTBEAT_S = 1.0
+_TEXT_S = 0.05
 
 
 class Parachute:
-    """Made, it is carried. `orders` has what it has taken (PARACHUTE_ACTION), `failures` how often it hears nothing."""
+    """Made, it is carried. `orders` has what it has taken (PARACHUTE_ACTION), `failures` how often it hears nothing.
+
+    That of an autopilot accepts each order, as ArduPilot does, and says what comes of a release in a text: on the
+    ground, below `least_height_m`, or released. Disabled, it says nothing.
+    """
 
     def __init__(self, autopilot: Autopilot, *, is_component: bool) -> None:
         self.orders: list[int] = []
         self.failures = 0
+        self.least_height_m = 0.0
         self.component_id = COMPONENT if is_component else autopilot.component_id
         self._is_component = is_component
         self._autopilot = autopilot
@@ -43,14 +49,30 @@ class Parachute:
         ack = mavlink.MAVLink_command_ack_message(COMMAND, self._result(), 0, 0, *ids)
         if self._is_component:
             sender.channel.port.send(self._codec.encode(ack), self._autopilot.elapsed_s)
+            return
+        if self.orders[-1] == mavlink.PARACHUTE_RELEASE and self._is_enabled:
+            self._autopilot.at(_TEXT_S, self._release)
+        sender.channel.send(ack, self._autopilot.elapsed_s)
+
+    @property
+    def _is_enabled(self) -> bool:
+        enabled = [each for each in self.orders if each != mavlink.PARACHUTE_RELEASE]
+        return enabled[-1:] == [mavlink.PARACHUTE_ENABLE]
+
+    def _release(self) -> None:
+        body = self._autopilot.body
+        if body.is_on_ground:
+            self._autopilot.say("Parachute: Landed", mavlink.MAV_SEVERITY_INFO)
+        elif body.ground_z_m - body.position[2] < self.least_height_m:
+            self._autopilot.say("Parachute: Too low", mavlink.MAV_SEVERITY_ALERT)
         else:
-            sender.channel.send(ack, self._autopilot.elapsed_s)
+            self._autopilot.say("Parachute: Released", mavlink.MAV_SEVERITY_INFO)
+            self._autopilot.disarm(is_forced=True)
 
     def _result(self) -> int:
-        """It opens only where it was enabled."""
-        enabled = [each for each in self.orders if each != mavlink.PARACHUTE_RELEASE]
-        is_refused = self.orders[-1] == mavlink.PARACHUTE_RELEASE and enabled[-1:] != [mavlink.PARACHUTE_ENABLE]
-        return DENIED if is_refused else ACCEPTED
+        """A component opens only where it was enabled."""
+        is_release = self.orders[-1] == mavlink.PARACHUTE_RELEASE
+        return DENIED if self._is_component and is_release and not self._is_enabled else ACCEPTED
 
     def _beat(self) -> None:
         kind, none = mavlink.MAV_TYPE_PARACHUTE, mavlink.MAV_AUTOPILOT_INVALID

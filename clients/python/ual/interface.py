@@ -623,10 +623,12 @@ class Parachute(Protocol):
         ...
 
     def release(self) -> None:
-        """Releases it: the motors stop, and the UAV falls.
+        """Releases it: the UAV falls below it.
 
-        Replaces another order. Returns once that is acknowledged. ArduPilot acknowledges it also where it does not do
-        it, as below its least height; its texts say why.
+        Replaces another order. Returns once that is acknowledged, and an ArduPilot reports that it has released it.
+        It is refused with the ArduPilot's text where it has not, as below its least height. A `UalTimeoutError` says
+        that nothing was reported, as where it is disabled. An ArduPilot stops the motors; beside another autopilot that
+        is the component's to do.
         """
         ...
 

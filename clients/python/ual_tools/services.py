@@ -55,7 +55,7 @@ def _parachute_disable(session: CommandSession) -> None:
 @parachute.command("release", cls=UalCommand, examples=("ual parachute release",))
 @pass_session
 def _parachute_release(session: CommandSession) -> None:
-    """Releases it: the motors stop, and the UAV falls."""
+    """Releases it: the UAV falls below it."""
     with session.connect() as uav:
         uav.parachute.release()
     session.emit({"done": "parachute release"}, "done")

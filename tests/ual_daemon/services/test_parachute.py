@@ -9,7 +9,14 @@ import pytest
 
 from tests.simulators.parachute import Parachute
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
-from ual.errors import LeaseHeldError, LinkLostError, NotSupportedError, RejectedByAutopilotError, WrongStateError
+from ual.errors import (
+    LeaseHeldError,
+    LinkLostError,
+    NotSupportedError,
+    RejectedByAutopilotError,
+    UalTimeoutError,
+    WrongStateError,
+)
 from ual.types import State
 from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions
@@ -37,10 +44,10 @@ def start() -> Iterator[Callable[[str], Flight]]:
         each.uav.close()
 
 
-@pytest.mark.parametrize(("kind", "is_component"), [(BY_AUTOPILOT, False), (BY_AUTOPILOT, True), ("px4", True)])
-def test_it_obeys_and_refuses_in_its_own_words(start: Callable[[str], Flight], kind: str, is_component: bool) -> None:
+@pytest.mark.parametrize("kind", [BY_AUTOPILOT, "px4"])
+def test_a_component_obeys_and_refuses_in_its_own_words(start: Callable[[str], Flight], kind: str) -> None:
     flight = start(kind)
-    carried = Parachute(flight.autopilot, is_component=is_component)
+    carried = Parachute(flight.autopilot, is_component=True)
     flight.let_pass(1.5)
     parachute = flight.uav.parachute
     with pytest.raises(RejectedByAutopilotError, match="DENIED"):
@@ -51,6 +58,38 @@ def test_it_obeys_and_refuses_in_its_own_words(start: Callable[[str], Flight], k
     parachute.disable()
     assert carried.orders == [RELEASE, ENABLE, RELEASE, DISABLE]
     assert parachute.ordered() == "disable"
+
+
+def test_a_release_that_an_ardupilot_acknowledges_and_does_not_do_is_refused_by_its_text(
+    start: Callable[[str], Flight],
+) -> None:
+    """A real one below CHUTE_ALT_MIN: it was accepted, and counted as released."""
+    flight = start(BY_AUTOPILOT)
+    carried, parachute = Parachute(flight.autopilot, is_component=False), flight.uav.parachute
+    parachute.enable()
+    with pytest.raises(RejectedByAutopilotError, match="Parachute: Landed"):
+        parachute.release()
+    flight.take_off()
+    carried.least_height_m = 30.0
+    with pytest.raises(RejectedByAutopilotError, match="Parachute: Too low"):
+        parachute.release()
+    assert parachute.ordered() == "enable"
+    parachute.disable()
+    with pytest.raises(UalTimeoutError, match="it may be disabled"):
+        parachute.release()
+    assert flight.uav.state() is State.FLYING_AUTO
+
+
+def test_a_release_by_an_ardupilot_ends_once_it_is_reported_and_is_not_repeated(start: Callable[[str], Flight]) -> None:
+    flight = start(BY_AUTOPILOT)
+    carried, parachute = Parachute(flight.autopilot, is_component=False), flight.uav.parachute
+    parachute.enable()
+    flight.take_off()
+    carried.failures = 2  # so it is sent again
+    parachute.release()
+    assert parachute.ordered() == "release"
+    flight.wait_for(lambda: "disarmed in the air" in flight.uav.telemetry().state_reason, "what came of it")
+    assert carried.orders == [ENABLE, RELEASE]
 
 
 @pytest.mark.parametrize(("kind", "why"), [("px4", "no component 161 is heard"), (BY_AUTOPILOT, "UNSUPPORTED")])

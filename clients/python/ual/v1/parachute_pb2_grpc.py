@@ -92,8 +92,10 @@ class ParachuteServiceServicer(object):
         raise NotImplementedError('Method not implemented!')
 
     def ReleaseParachute(self, request, context):
-        """Releases the parachute: the motors stop, and the UAV falls below it. Replaces another order. Returns once that is
-        acknowledged. ArduPilot acknowledges it also where it does not do it, as below its least height; its texts say why.
+        """Releases the parachute: the UAV falls below it. Replaces another order. Returns once that is acknowledged, and an ArduPilot
+        reports that it has released it: it acknowledges a release in any case. REJECTED_BY_AUTOPILOT: it has not, as below its
+        least height. TIMEOUT: it has not reported anything, as where the parachute is disabled. An ArduPilot stops the motors;
+        beside another autopilot that is the component's to do.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')

@@ -149,8 +149,10 @@ class ParachuteServiceStub(typing.Generic[_ParachuteServiceGetParachuteOrderType
     """Keeps the parachute from being released, also by the autopilot itself. Returns once that is acknowledged."""
 
     ReleaseParachute: _ParachuteServiceReleaseParachuteType
-    """Releases the parachute: the motors stop, and the UAV falls below it. Replaces another order. Returns once that is
-    acknowledged. ArduPilot acknowledges it also where it does not do it, as below its least height; its texts say why.
+    """Releases the parachute: the UAV falls below it. Replaces another order. Returns once that is acknowledged, and an ArduPilot
+    reports that it has released it: it acknowledges a release in any case. REJECTED_BY_AUTOPILOT: it has not, as below its
+    least height. TIMEOUT: it has not reported anything, as where the parachute is disabled. An ArduPilot stops the motors;
+    beside another autopilot that is the component's to do.
     """
 
 ParachuteServiceAsyncStub: typing_extensions.TypeAlias = ParachuteServiceStub[
@@ -212,8 +214,10 @@ class ParachuteServiceServicer(metaclass=abc.ABCMeta):
         request: ual.v1.parachute_pb2.ReleaseParachuteRequest,
         context: _ServicerContext,
     ) -> typing.Union[ual.v1.parachute_pb2.ReleaseParachuteResponse, collections.abc.Awaitable[ual.v1.parachute_pb2.ReleaseParachuteResponse]]:
-        """Releases the parachute: the motors stop, and the UAV falls below it. Replaces another order. Returns once that is
-        acknowledged. ArduPilot acknowledges it also where it does not do it, as below its least height; its texts say why.
+        """Releases the parachute: the UAV falls below it. Replaces another order. Returns once that is acknowledged, and an ArduPilot
+        reports that it has released it: it acknowledges a release in any case. REJECTED_BY_AUTOPILOT: it has not, as below its
+        least height. TIMEOUT: it has not reported anything, as where the parachute is disabled. An ArduPilot stops the motors;
+        beside another autopilot that is the component's to do.
         """
 
 def add_ParachuteServiceServicer_to_server(servicer: ParachuteServiceServicer, server: typing.Union[grpc.Server, grpc.aio.Server]) -> None: ...

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Future
+from functools import partial
 
 from typing_extensions import override
 
@@ -46,8 +47,14 @@ class MavlinkParachute(ParachuteDriver):
         if not isinstance(session.dialect, ArduCopter):
             missing = f"{session.dialect.name} has no parachute, and no component {_COMPONENT} is heard"
             return futures.failed(NotSupportedError(f"cannot {what}: {missing}"))
-        ordered = self._orders.give(what, command_of(_COMMAND, (float(action),), what, group="parachute"))
-        return caught(ordered, _refused)
+        command = command_of(_COMMAND, (float(action),), what, group="parachute")
+        give = partial(self._orders.give, what, command)
+        if action is not ParachuteAction.RELEASE:
+            return caught(give(), _refused)
+        reach = self._orders.reach
+        return caught(
+            reach.run_on_loop(what, lambda protocols, future: protocols.parachute.begin(give, future)), _refused
+        )
 
 
 def _refused(error: BaseException) -> Future[None]:

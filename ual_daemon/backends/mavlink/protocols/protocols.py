@@ -19,6 +19,7 @@ from ual_daemon.backends.mavlink.protocols.gripper_reports import GripperReports
 from ual_daemon.backends.mavlink.protocols.log_transfers import LogTransfers
 from ual_daemon.backends.mavlink.protocols.mission_progress import MissionProgressProtocol
 from ual_daemon.backends.mavlink.protocols.mission_transfers import MissionTransfers
+from ual_daemon.backends.mavlink.protocols.parachute_releases import ParachuteReleases
 from ual_daemon.backends.mavlink.protocols.parameter_transfers import ParameterTransfers
 from ual_daemon.backends.mavlink.protocols.protocol import Handler, Protocol
 from ual_daemon.backends.mavlink.wire.frames import MessageSource
@@ -58,6 +59,7 @@ class Protocols(Protocol):
         self.progress = MissionProgressProtocol(send, is_up)
         self.gripper = GripperReports()
         self.components = ComponentCommands(send)
+        self.parachute = ParachuteReleases()
         self._all: tuple[Protocol, ...] = (
             self.parameters,
             self.missions,
@@ -69,9 +71,11 @@ class Protocols(Protocol):
             self.cameras,
             self.gripper,
             self.components,
+            self.parachute,
             self.gimbals,
         )
-        self._ticked = tuple(each for each in self._all if each not in (self.gripper, self.components))
+        seldom = self.gripper, self.components, self.parachute
+        self._ticked = tuple(each for each in self._all if each not in seldom)
         self._contained: dict[Protocol, ErrorBarrier] = {each: ErrorBarrier(type(each).__name__) for each in self._all}
         taken: defaultdict[int, list[Handler]] = defaultdict(list)
         for protocol in self._all:
@@ -106,8 +110,8 @@ class Protocols(Protocol):
 
     @override
     def tick(self, now_s: float) -> None:
-        ticked = self._all if self.gripper.is_waiting or self.components.is_waiting else self._ticked
-        for protocol in ticked:
+        is_any_waiting = self.gripper.is_waiting or self.components.is_waiting or self.parachute.is_waiting
+        for protocol in self._all if is_any_waiting else self._ticked:
             try:  # here, and not by `ErrorBarrier.call`: each sample costs it
                 protocol.tick(now_s)
             except Exception as error:  # noqa: BLE001 - what flies goes on
