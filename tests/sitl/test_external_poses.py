@@ -99,7 +99,7 @@ def test_poses_that_end_are_reported_at_once_and_a_go_to_waits_for_them(flight: 
         assert not task.done()
         source.is_on = True
         task.wait(PATIENCE_S)
-        beside_m = (source.pose.position - goal.position).norm()
+        beside_m = (source.pose.position - goal.position).horizontal_norm()
         print(f"{simulator.autopilot}: truly {beside_m:.2f} m beside the goal")
         assert beside_m < simulator.wanders_m
         uav.land()
@@ -112,7 +112,7 @@ def fly_without_gps(flight: Flight, source: Outside, simulator: Simulator, groun
     here = flight.position()
     goal = Pose.at(here.x + 4.0, here.y + 3.0, here.z)
     uav.go_to_waypoint(goal)
-    beside_m = (source.pose.position - goal.position).norm()
+    beside_m = (source.pose.position - goal.position).horizontal_norm()
     off = []
     for _ in range(100):
         off.append(off_m(flight, source))
@@ -129,8 +129,11 @@ def fly_without_gps(flight: Flight, source: Outside, simulator: Simulator, groun
 
 
 def off_m(flight: Flight, source: Outside) -> float:
-    """Returns the distance of the estimate from the true position."""
-    return (flight.position() - source.pose.position).norm()
+    """Returns the distance of the estimate from the true position along the ground.
+
+    The height of a PX4 that has had satellites is its barometer's, which wanders by 1 m in a minute.
+    """
+    return (flight.position() - source.pose.position).horizontal_norm()
 
 
 def fix_of(flight: Flight) -> GpsFix:
