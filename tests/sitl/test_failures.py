@@ -29,9 +29,9 @@ pytestmark = [pytest.mark.sitl, pytest.mark.timeout(300)]
 
 TOLD_S = 1.0
 STOPPED_S, WATCHED_S = 5.0, 8.0
-LANDS_S = 10.0
-"""Seconds until it is commanded to land, at most: by its estimate PX4 may go on falling. A daemon that is killed before
-leaves it to PX4, which holds its position by itself once it can.
+LEFT_S, LANDS_S = 3.0, 10.0
+"""Seconds after the fall by which its landing of before is left, and until it is commanded to land, at most: by its
+estimate PX4 may go on falling. A daemon that is killed before leaves it to PX4, which climbs once it can.
 """
 _LED_DOWN = (State.LANDING, State.LANDED_ARMED, State.LANDED_DISARMED)
 STAYS_M = 0.6
@@ -99,6 +99,7 @@ def test_a_fall_is_reported_and_nothing_climbs_when_the_motors_run_again(
                 assert doing.ended_s - fell_s < 2.0 * TOLD_S
             with pytest.raises(UalError):
                 uav.go_to_waypoint(Pose.at(0.0, 0.0, HEIGHT_M), blocking=False)
+            _wait_until(fell_s + LEFT_S)  # the landing that it was in has been left
             if is_restarted:
                 flight.wait_for(lambda: uav.state() in _LED_DOWN, "its landing", LANDS_S)
                 daemon.signal(signal.SIGKILL)
