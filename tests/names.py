@@ -3,8 +3,8 @@
 Words of a private dialect in names of modules, classes and functions stand for many things. A name has the noun of what
 it is, or the verb of what it does: `parse_address` and not `parse_place`.
 
-A number of a module has its unit or its kind of quantity at the end of its name, and before it the noun of what it
-measures: `RECONNECT_PERIOD_S` and not `_PERIOD`, `MOST_WAITING_READS` and not `MOST_WAITING`.
+The name of a module's number ends with the unit or the kind of quantity. Before it stands the noun of what it measures:
+`RECONNECT_PERIOD_S` and not `_PERIOD`, `MOST_WAITING_READS` and not `MOST_WAITING`.
 """
 
 from __future__ import annotations
