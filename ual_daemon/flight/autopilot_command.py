@@ -1,4 +1,4 @@
-"""A command to the autopilot, judged by its effect (docs/evidence/decisions/0004)."""
+"""A command to the autopilot, assessed by its effect (docs/evidence/decisions/0004)."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ COMMAND_PATIENCE_S = 5.0
 
 
 class AutopilotCommand:
-    """A command to the autopilot, judged by what the vehicle then does; the acknowledgement only shows refusals.
+    """A command to the autopilot, assessed by what the vehicle then does; the acknowledgement only shows refusals.
 
     It is the face of one command of the backend. Whether that leaves, first or again, only the backend's engine decides
     (docs/evidence/decisions/0041): after it was withdrawn, in a silence, or over a mode that others chose, it does not.

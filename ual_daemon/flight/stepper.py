@@ -98,7 +98,7 @@ class FlightStepper:
         if self._flown.manoeuvre is not manoeuvre and manoeuvre.command is not None:
             manoeuvre.command.withdraw()  # another thread has replaced it, perhaps before its step sent this
         if manoeuvre.is_awaited and not step.is_taken and raw.state is not State.UNINITIALIZED:
-            # Not where a command in this moment must see what took it, and not where no step has judged the mode.
+            # Not where a command in this moment must see what took it, and not where no step has assessed the mode.
             manoeuvre.mode_seen = snapshot.control.settled_mode or manoeuvre.mode_seen
         return self._do(manoeuvre, step, snapshot)
 

@@ -102,7 +102,7 @@ class VehicleTask:
 class Tasks:
     """The tasks of one UAV: those that run, and the last ones that ended. Any thread may call.
 
-    Of those that ended only what is told of them is kept: 0.9 kB each, a third of the task.
+    Of those that ended only their reports are kept: 0.9 kB each, a third of the task.
     """
 
     def __init__(self, clock: Clock) -> None:

@@ -1,4 +1,4 @@
-"""Work beside the event loop at the daemon's end, where the system may have no memory for a thread any more."""
+"""Work off the event loop at the daemon's end, where the system may have no memory for a thread any more."""
 
 from __future__ import annotations
 

@@ -280,7 +280,7 @@ class _Served:
         )
 
     def announced(self) -> UavAnnouncement:
-        """Returns what the network is told of it."""
+        """Returns the report of it for the network."""
         from ual_daemon.program.network.announcement import UavAnnouncement
 
         vehicle = self._vehicle

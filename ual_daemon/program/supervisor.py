@@ -272,7 +272,7 @@ class FleetSupervisor:
             self._all_ended.set()
 
     def _decide(self, process: _WorkerProcess) -> None:
-        """Decides by what a worker has told."""
+        """Decides by what a worker has reported."""
         if process.failure is not None:
             self._end()
         if self._is_ending:

@@ -15,7 +15,7 @@ _CLOSE_TIMEOUT_S = 1.0
 
 
 class Upkeep:
-    """Calls back each second, until `close`: each is told the time of a clock that does not jump, in seconds."""
+    """Calls back each second, until `close`: each gets the time of a clock that does not jump, in seconds."""
 
     def __init__(self, works: Sequence[Callable[[float], object]]) -> None:
         self._works = works

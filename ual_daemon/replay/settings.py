@@ -17,7 +17,7 @@ class ReplaySettings(Settings, frozen=True, kw_only=True):
     `speed_factor` says how fast it is played, and `begin_s` from which second of the recording on. With `loop` it
     begins again at its end. `uav` is the UAV of the recording (None: that of ``--ns``, or the only one). `is_decoded`:
     raw packets, where there are some, are decoded again; else all is reported as it was. `system_id` is the only
-    autopilot that is decoded (None: the first heard).
+    autopilot that is decoded (None: the first received).
     """
 
     speed_factor: Positive = 1.0

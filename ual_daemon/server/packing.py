@@ -149,7 +149,7 @@ def _whole(seconds: int) -> bytes:
 
 @lru_cache(maxsize=64)
 def _texts(frame_id: str, child_frame_id: str) -> tuple[bytes, bytes]:
-    """Returns the frame of a header, and the child frame beside that header."""
+    """Returns the frame of a header, and the child frame next to that header."""
     child = pb.Odometry(child_frame_id=child_frame_id)  # in a transform it is the same
     return pb.Header(frame_id=frame_id).SerializeToString(), child.SerializeToString()
 

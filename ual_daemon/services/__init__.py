@@ -1,4 +1,4 @@
-"""The services that are shipped with the daemon, beside that of the UAV: docs/evidence/decisions/0047.
+"""The services that are shipped with the daemon, besides that of the UAV: docs/evidence/decisions/0047.
 
 Each is a module here: what the class and its servicer (`ual_daemon.server.services`) have in common, without gRPC.
 """

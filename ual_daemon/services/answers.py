@@ -25,7 +25,7 @@ Steps: TypeAlias = "Generator[T | Pause | Future[Any], Any, None]"
 
 
 def in_thread(method: F) -> F:
-    """Declares that a method takes long before it returns: the server calls it beside the event loop."""
+    """Declares that a method takes long before it returns: the server calls it off the event loop."""
     return method
 
 

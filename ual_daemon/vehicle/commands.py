@@ -393,7 +393,7 @@ class Commands:
     def _take_back(self, name: str, snapshot: Snapshot, lease_id: str) -> None:
         """Takes the control back from the autopilot's own landing or take-off, or from what our arming has begun."""
         if self._flight.arming.is_ours_to_end:
-            if self._flight.arming.is_taken(snapshot):  # in a snapshot that no update has judged yet
+            if self._flight.arming.is_taken(snapshot):  # in a snapshot that no update has assessed yet
                 raise just_taken(name, snapshot)
             self._preconditions.require_no_failsafe(name, snapshot, force=False)
         command = AutopilotCommand("take our references")

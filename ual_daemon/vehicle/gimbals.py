@@ -227,7 +227,7 @@ class UavGimbals:
     ) -> float | None:
         try:
             way = self.aim(gimbal, goal, snapshot).way
-        except UalError:  # `update` has told it
+        except UalError:  # `update` has reported it
             return None
         return 0.0 if way.norm() == 0.0 else _angle_between(in_local.rotate(_FORWARD), way)
 

@@ -131,7 +131,7 @@ class _Walk:
         return self._resolved(at)
 
     def _resolved(self, at: GeoWaypoint) -> Vector3:
-        """Returns a place in the local frame. Home is told a moment after the arming, which sets it."""
+        """Returns a place in the local frame. Home is reported a moment after the arming, which sets it."""
         snapshot = self._snapshot
         is_told = snapshot.earth.home_altitude_amsl_m is not None or not snapshot.control.is_on_ground
         if is_told or at.altitude_reference is not AltitudeReference.HOME:

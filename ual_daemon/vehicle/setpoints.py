@@ -52,7 +52,7 @@ class VehicleSetpoints:
     def set_velocity(self, velocity: TwistStamped | Twist, lease_id: str = NOBODY) -> None:
         """Sends a velocity. See `ual.interface.Uav.set_velocity` for the errors."""
         # A stream goes on within what the rules have admitted. What is new, turns with the body, or is near a bound is
-        # judged by each of them.
+        # assessed by each of them.
         twist: object = velocity
         if twist.__class__ is not Twist and isinstance(velocity, TwistStamped) and velocity.frame_id in self._odom:
             twist = velocity.twist

@@ -447,7 +447,7 @@ class Camera(Protocol):
         ...
 
     def take_photo(self) -> Photo:
-        """Takes a picture, and returns once the camera has said that it was taken."""
+        """Takes a picture, and returns once the camera has reported that it was taken."""
         ...
 
     def start_photos(self, *, interval_s: float | None = None, distance_m: float | None = None, count: int = 0) -> None:
@@ -595,7 +595,7 @@ class Gripper(Protocol):
 class Parachute(Protocol):
     """The parachute that it carries. See ``ual/v1/parachute.proto``.
 
-    It is a part of an ArduPilot, or a component of the vehicle beside whatever autopilot.
+    It is a part of an ArduPilot, or a component of the vehicle with any autopilot.
 
     Raises:
         NotSupportedError: There is no parachute.

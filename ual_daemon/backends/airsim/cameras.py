@@ -86,7 +86,7 @@ class AirsimCamera(CameraDriver):
         self._by_distance: tuple[float, DistanceTrigger] | None = None
         self._due = DuePhotos(self._number, self.take_photo, "the simulator still renders the one before")
 
-    # --- What is asked ------------------------------------------------------------------------------------------------
+    # --- Requests -----------------------------------------------------------------------------------------------------
 
     @property
     @override

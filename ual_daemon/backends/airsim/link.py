@@ -209,7 +209,7 @@ class SimulatorLink:
         system = error.strerror if isinstance(error, OSError) else None
         why = self.trouble = f"{self.address}: {system}" if system else str(error) or repr(error)
         if isinstance(error, OSError):
-            self.why_not = ""  # nobody answers: what was said of the vehicle is old
+            self.why_not = ""  # nobody answers: the last report of the vehicle is old
         elif isinstance(error, (RemoteError, WrongVehicleError)):
             self._say_why_not(why)
         elif not self.is_up:  # one damaged answer in flight is no reason yet: the connection is made again

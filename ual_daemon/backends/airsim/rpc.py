@@ -173,6 +173,6 @@ class RpcConnection:
 
 
 def _text(error: object) -> str:
-    """Returns what the simulator said, without rpclib's introduction."""
+    """Returns the simulator's message, without rpclib's introduction."""
     text = str(error)
     return text.rpartition("exception contained this information: ")[2].strip().rstrip(".")

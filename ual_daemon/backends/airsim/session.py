@@ -111,7 +111,7 @@ class AirsimSession:
 
     @property
     def utc_s(self) -> float | None:
-        """The simulator's time; None before it has said it."""
+        """The simulator's time; None before it has reported it."""
         return None if self._report is None else self._report.time_s
 
     @property

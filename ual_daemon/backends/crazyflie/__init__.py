@@ -4,7 +4,7 @@ The modules, from the top down (a contract in pyproject.toml checks it):
 
 - ``backend``: the interface that the layers above call
 - ``session``: the conversation with one Crazyflie over time, and the thread that receives
-- ``connecting``: what is asked of a Crazyflie before it can be flown, step by step
+- ``connecting``: what is requested of a Crazyflie before it can be flown, step by step
 - ``commander``: which of the firmware's two commanders flies, and the setpoints
 - ``telemetry``, ``contact``, ``supervisor``: from logged variables to snapshots and words
 - ``log_blocks``, ``toc``, ``requests``, ``packets``: CRTP

@@ -124,7 +124,7 @@ class Holding:
         self.is_held = self.is_granted = False
 
     def observe(self, now_s: float, *, is_ours: bool) -> None:
-        """Takes the present holder. What was said before the request may come a little after it."""
+        """Takes the present holder. A report from before the request may come a little after it."""
         if is_ours:
             self._was_shown = True
         elif self._was_shown or now_s - self.requested_s > _AUTHORITY_NEWS_S:

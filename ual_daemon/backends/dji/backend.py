@@ -74,7 +74,7 @@ class DjiBackend(EngineBackend[DjiRequest]):
     name = SECTION
     clock: MonotonicClock
     _loop: Loop
-    # The wrappers send some of this once a second, unless they are told to send it more often.
+    # The wrappers send some of this once a second, unless they are configured to send it more often.
     freshness = Freshness(link_s=LINK_S, pose_s=1.0, mode_s=2.5, landed_s=2.5, estimator_s=3.0)
 
     def __init__(self, options: BackendOptions) -> None:

@@ -1,6 +1,6 @@
 """The cameras of an aircraft, by the camera module of psdk_ros2.
 
-Its services take the mount position of a payload, and answer whether DJI's SDK has taken the order: no more is told of
+Its services take the mount position of a payload and answer whether DJI's SDK has taken the order: no more is known of
 a picture. They are served by a thread of their own, and called on a connection of their own, so that nothing that flies
 waits for a camera.
 """
@@ -112,7 +112,7 @@ class DjiCamera(CameraDriver):
             _log.warning("camera %d (%s) is gone", self._number, self._name)
         self._is_there = is_there
 
-    # --- What is asked ------------------------------------------------------------------------------------------------
+    # --- Requests -----------------------------------------------------------------------------------------------------
 
     @property
     @override
@@ -237,7 +237,7 @@ class DjiCamera(CameraDriver):
         )
 
     def _storage(self, message: Message) -> CameraStorage:
-        """Returns what is told of the card, in MiB. What cannot be so is left out, and noted."""
+        """Returns what is reported of the card, in MiB. What cannot be so is left out, and noted."""
         if not message:
             return CameraStorage()
         total_mib, free_mib = number(message["total_capacity"]), number(message["remain_capacity"])

@@ -127,7 +127,7 @@ class DjiGimbal(FindableGimbal):
     @property
     @override
     def is_found(self) -> bool:
-        """Whether it has ever told its angles."""
+        """Whether it has ever reported its angles."""
         return self._reported is not None
 
     def on_angles(self, message: Message, now_s: float) -> None:
@@ -157,7 +157,7 @@ class DjiGimbal(FindableGimbal):
                 self._from_nose = followed._replace(heading_rad=heading_rad)
                 self._send(followed.angles, heading_rad, AIM_S)
 
-    # --- What is asked ------------------------------------------------------------------------------------------------
+    # --- Requests -----------------------------------------------------------------------------------------------------
 
     @property
     @override

@@ -58,7 +58,7 @@ class DjiSession:
         )
         self.holding = Holding()
         self.on_payload: Callable[[str, Message, float], object] = lambda *_: None
-        """Takes what is told of the gimbal: the handler's name, the message and the time. Set by the backend."""
+        """Takes what is reported of the gimbal: the handler's name, the message and the time. Set by the backend."""
         self.has_news = False
         """Whether a pose came since this was set back."""
         self._link = link

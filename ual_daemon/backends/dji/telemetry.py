@@ -99,8 +99,8 @@ class DjiTelemetry:
     def on_message(self, name: str, message: Message, now_s: float) -> None:
         """Takes the message of a topic that the wrapper alone publishes (`wrappers.Topic.handler`).
 
-        One that a newer one has overtaken is dropped. What is said of the state counts from when it was said: after a
-        stall of the bridge some comes that was said before.
+        One that a newer one has overtaken is dropped. A report of the state counts from when it was made: after a
+        stall of the bridge older reports come.
         """
         stamp = stamp_s(message)
         if not self._ordering.accepts(name, stamp):

@@ -22,7 +22,7 @@ SAMPLE_LAPSE_S = 2.5
 AGREEING_SAMPLES_COUNT = 2
 """Consecutive samples that replace a verdict whose samples have ended (`ended_s`), however fast they come."""
 FIRST_VERDICT_S = 5.0
-"""Seconds from its beginning within which a first verdict counts in flight, too: a daemon may begin beside a flight."""
+"""Seconds from its beginning within which a first verdict counts in flight, too: a daemon may begin during a flight."""
 OLD_ARMED_SAMPLE_S = 2.5
 """Seconds without a report that it is armed after which a flight is none that a verdict could end."""
 FLIGHT_END_S = 1.0
@@ -78,12 +78,12 @@ class Agreement(Generic[T]):
 
     @property
     def is_open(self) -> bool:
-        """Whether a sample has said something else than the verdict, so that more of them are wanted."""
+        """Whether a sample has reported something else than the verdict, so that more of them are wanted."""
         return self._candidate is not None
 
     @property
     def is_backed(self) -> bool:
-        """Whether a sample has said what the verdict is."""
+        """Whether a sample has confirmed the verdict."""
         return self._backed_s > -math.inf
 
     def note(self, sample: T, now_s: float, *, is_flying: bool) -> bool:

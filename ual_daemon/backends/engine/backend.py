@@ -22,13 +22,13 @@ T = TypeVar("T")
 
 class EngineBackend(Backend, Generic[R]):
     """Backend whose data pass through the engine's loop, and whose commands, with requests of type `R`, through its
-    command desk. A subclass sets `_loop` and `_entrance` once it has them, at the latest in `open`.
+    command entrance. A subclass sets `_loop` and `_entrance` once it has them, at the latest in `open`.
     """
 
     _loop: Loop | None = None
     _entrance: CommandEntrance[R] | None = None
     _offers: tuple[object, ...] = ()
-    """Offers beside flying, each for another kind of service."""
+    """Offers besides flying, each for another kind of service."""
 
     @override
     def snapshot(self) -> Snapshot:

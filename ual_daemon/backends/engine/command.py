@@ -31,7 +31,7 @@ class Repeat(NamedTuple):
     """Whether a command may be sent again: at this interval in seconds, and so often in all.
 
     `after_answer_s` is for a bridge that may execute a call late. It is called again only once the call was answered.
-    The autopilot must also have said, so many seconds after the answer, what shows that there was no effect.
+    The autopilot must also have reported, so many seconds after the answer, what shows that there was no effect.
     """
 
     every_s: float = math.inf
@@ -75,13 +75,13 @@ class Command(Generic[R]):
         group: Of one group only the newest command is kept: `FLYING`, `ARMING`, or one of the backend's. A command
             without a group only requests data.
         key: What the answers say of which command they are for (MAVLink: the id). Of one key one is unanswered at a
-            time. None: answers are told apart.
+            time. None: answers can be distinguished.
         mode: The name of the mode that it leads to, in the group `FLYING`.
         own_modes: Returns whether a mode is one to which it leads, where that is not only the one of this name.
         shows: Returns whether a snapshot shows its effect, whatever was answered. None: only answers do.
         repeat: Whether it may ever be sent again.
         setpoints_before_s: For how long setpoints must have been sent before it.
-        mode_age_s: The present mode must have been said within this time, where a bridge executes it late.
+        mode_age_s: The present mode must have been reported within this time, where a bridge executes it late.
         accepts_count: How often the autopilot accepts it.
         waits: Returns why it has to wait, human-readable; empty if it need not.
         refusal_is_final: False: it goes on until the end of its repetitions, and a refusal counts then.

@@ -103,7 +103,7 @@ class _PendingCommand(Generic[R]):
     take_back: Callable[[], object] | None = None
     """Takes it back while it has not left."""
     is_in_progress: bool = False
-    """Whether the autopilot has said so."""
+    """Whether the autopilot has reported so."""
     refusal: str = ""
     refuser: str = ""
     texts: list[str] = field(default_factory=list)
@@ -310,7 +310,7 @@ class CommandRunner(Generic[R]):
         )
 
     def _unknown(self, pending: _PendingCommand[R], snapshot: Snapshot, now_s: float) -> str:
-        """Returns whether what a command changes was said since the last silence."""
+        """Returns whether what a command changes was reported since the last silence."""
         group = pending.command.group
         if group not in (FLYING, ARMING):
             return ""

@@ -1,4 +1,4 @@
-"""Keeps defects of parts beside the flight (cameras, gimbals, transfers) and of requests from ending the flight."""
+"""Keeps defects of parts other than the flight (cameras, gimbals, transfers) and of requests from ending the flight."""
 
 from __future__ import annotations
 

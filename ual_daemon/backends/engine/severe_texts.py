@@ -1,4 +1,4 @@
-"""The texts of an autopilot that are critical or worse, while they are news: told as they come, and forgotten."""
+"""The texts of an autopilot that are critical or worse, while they are news: reported as they come, and forgotten."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _MOST_TEXTS = 8
 _PART_S = 1.0
 """The next part of a long text comes within this time."""
 _PREARM = "PreArm: "
-"""These are repeated while they hold, and told as checks that fail."""
+"""These are repeated while they hold, and reported as checks that fail."""
 
 
 class SevereTexts:

@@ -25,7 +25,7 @@ class Batteries:
         self._known: dict[int, Battery] = {}
 
     def on_battery(self, battery: Battery, now_s: float) -> None:
-        """Takes what was told of one."""
+        """Takes the report of one."""
         if battery.id not in self._known and len(self._known) >= MOST_BATTERIES:
             return
         self._known[battery.id], self._reported_s[battery.id] = battery, now_s

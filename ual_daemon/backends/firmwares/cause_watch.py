@@ -54,7 +54,7 @@ TEXT_AHEAD_S = 1.0
 class CauseWatch:
     """Watches what one autopilot says around its changes of mode. Belongs to the thread that receives.
 
-    `names_intended_mode` is whether it is reported here which mode the autopilot was requested, beside the one that
+    `names_intended_mode` is whether it is reported here which mode was requested of the autopilot, besides the one that
     flies: another one is then a failsafe's.
     """
 
@@ -73,7 +73,7 @@ class CauseWatch:
         self._sent = sent
         self._signs: deque[tuple[float, Cause]] = deque(maxlen=_MOST_SIGNS)
         self._lasting: set[int] = set()
-        """The signs of this flight that are said again in each report."""
+        """The signs of this flight that each report repeats."""
         self._mode_name = ""
         self._was_ours = self._is_ours = self._is_ours_intended = False
         """Whether the mode before, the present one, and the one that it was requested last take our setpoints."""
@@ -117,7 +117,7 @@ class CauseWatch:
 
     def on_sign(self, cause: Cause | None, now_s: float, *, lasting: int = 0) -> None:
         """Takes a sign: a text or an event that names the reason of what follows. One that lasts (`lasting` is its
-        number) is said again with what does not follow from it, so it counts once in a flight.
+        number) is repeated with what does not follow from it, so it counts once in a flight.
         """
         if cause is None or lasting in self._lasting:
             return
@@ -338,7 +338,7 @@ class CauseWatch:
         return self._unnamed() if was_critical and (is_over or self._has_paused) else None
 
     def _unnamed(self) -> Cause:
-        """Returns the cause of a failsafe of which nothing was said: setpoints, where none of ours came before it."""
+        """Returns the cause of a failsafe without a report: setpoints, where none of ours came before it."""
         is_ill = self.failing_sensors & self._healthy_once & _SUSPICIOUS_SENSORS_MASK
         are_missing = self._has_paused or self._mode_name == self._autopilot.fallback_mode
         return Cause.SETPOINTS if are_missing and not is_ill else Cause.FAILSAFE

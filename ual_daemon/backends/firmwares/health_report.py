@@ -14,7 +14,7 @@ LINK_PERIOD_S = 1.0
 TEXTS_S = 40.0
 """ArduPilot repeats what fails before arming every 30 s."""
 READY_TEXT_S = 1.5
-"""Seconds for which a text of a check counts though it is told to be ready: its SYS_STATUS may be from before the
+"""Seconds for which a text of a check counts though it is reported to be ready: its SYS_STATUS may be from before the
 check.
 """
 _MOST_TEXTS = 16

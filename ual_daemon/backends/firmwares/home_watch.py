@@ -1,4 +1,4 @@
-"""Whether home is still as high as the autopilot said last: its own height above home tells, all the time."""
+"""Whether home is still as high as the autopilot reported last: its own height above home tells, all the time."""
 
 from __future__ import annotations
 

@@ -24,7 +24,7 @@ from ual_daemon.backends.offers.parameters import Refusal
 
 
 class ReceivedMission(NamedTuple):
-    """The newest of what the autopilot has told of its mission, with its own numbers of the items."""
+    """The newest of what the autopilot has reported of its mission, with its own numbers of the items."""
 
     stage: MissionStage
     seq: int
@@ -43,7 +43,7 @@ class MissionAccess(NamedTuple):
     Attributes:
         lists: Transfers the mission.
         autopilot: Returns the kind of the autopilot; None before there was one.
-        heard: Returns the newest of what it has told; None while that is nothing.
+        heard: Returns the newest report; None while that is nothing.
         choose: Makes the item of a number the current one, which one of some numbers then shows.
         fly: Commands the mode in which the mission is flown.
         read_parameter: Reads a parameter.

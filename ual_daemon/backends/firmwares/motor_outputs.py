@@ -58,5 +58,5 @@ class MotorOutputs:
         return True if self._reported_s - self._rests_since_s >= MOTORS_REST_S else None
 
     def turn_since(self, time_s: float) -> bool:
-        """Returns whether a motor was told to turn at the newest report, which came after a time."""
+        """Returns whether a motor was commanded to turn at the newest report, which came after a time."""
         return self._reported_s > time_s and self._rests_since_s == math.inf

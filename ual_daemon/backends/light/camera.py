@@ -157,7 +157,7 @@ class LightCamera(CameraDriver):
                 self._shoot_or_miss(seen)
                 self._missed_count += due_count - 1
 
-    # --- What is asked ------------------------------------------------------------------------------------------------
+    # --- Requests -----------------------------------------------------------------------------------------------------
 
     @override
     def status(self) -> Future[CameraStatus]:

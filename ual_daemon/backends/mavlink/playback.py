@@ -47,7 +47,7 @@ class NoLink(MessageTransport):
 class Playback:
     """The session with a recorded autopilot. Times are those of the recording, and never go back.
 
-    `system_id` is the only autopilot that is received (None: the first heard).
+    `system_id` is the only autopilot that is received (None: the first received).
     """
 
     def __init__(self, url: str, system_id: int | None = None) -> None:

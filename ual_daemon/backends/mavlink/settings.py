@@ -31,7 +31,7 @@ class MavlinkSettings(Settings, frozen=True, kw_only=True):
     """The section ``mavlink`` of the configuration.
 
     `url` is where the autopilot is (default: see `default_url`). `system_id` is the only autopilot that is received
-    (None: the first heard), and `autopilot_component_id` its component (None: 1, or another one that is surely an
+    (None: the first received), and `autopilot_component_id` its component (None: 1, or another one that is surely an
     autopilot's). `component_id` is ours, beside the autopilot in its system; two programs on one vehicle
     need different ones. `pose_rate_hz` is the rate at which position and attitude are requested. With
     `learns_feed_forward` PX4's drag and the error of its estimate are learned and compensated: see `FeedForward`;

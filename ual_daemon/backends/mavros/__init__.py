@@ -3,11 +3,11 @@
 The modules, from the top down (a contract in pyproject.toml checks it):
 
 - ``backend``: the interface that the layers above call
-- ``offers``: what is offered beside flying, by MAVROS' plugins
+- ``offers``: what is offered besides flying, by MAVROS' plugins
 - ``session``: the exchange with one autopilot through MAVROS over time; belongs to the link's thread
 - ``commands``: commands as calls of MAVROS' services, and their answers
 - ``discovery``: what MAVROS is connected to, and the session with it
-- ``parameters``, ``streams``, ``vehicle``: what is asked of MAVROS: parameters, rates, what it is connected to
+- ``parameters``, ``streams``, ``vehicle``: what is requested of MAVROS: parameters, rates, what it is connected to
 - ``telemetry``: what MAVROS publishes, as a snapshot
 - ``missions``: what MAVROS publishes of the lists that the autopilot keeps
 - ``geoid``: how MAVROS' altitudes are read

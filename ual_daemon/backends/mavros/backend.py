@@ -270,7 +270,7 @@ class MavrosBackend(EngineBackend[MavrosCall]):
         session = self._connected_session(self.clock.now_s())
         return self._unreached(what) if session is None else session.runner
 
-    # --- For what is offered beside flying ----------------------------------------------------------------------------
+    # --- For what is offered besides flying ---------------------------------------------------------------------------
 
     def _now_s(self) -> float:
         return self.clock.now_s()

@@ -29,7 +29,7 @@ from ual_daemon.backends.values import LandedState, Snapshot
 
 CALL_S = 6.0
 MODE_AGE_LIMIT_S = 0.3
-"""A mode is requested only while the present one was said within this time. A PX4 that is armed is queried for a
+"""A mode is requested only while the present one was reported within this time. A PX4 that is armed is queried for a
 heartbeat each 0.2 s, and an ArduPilot streams ten a second. Where they come once a second, a mode leaves with one.
 """
 TEXT_S = 0.3

@@ -37,7 +37,7 @@ class GimbalTopics:
         return {topics.MOUNT: self._on_mount, topics.GIMBAL: self._on_device}
 
     def discard(self) -> None:
-        """Forgets what was said: it has booted."""
+        """Forgets the reports: it has booted."""
         self._attitude, self._problems = None, ()
 
     @property
@@ -51,12 +51,12 @@ class GimbalTopics:
         return () if self._codec is None else self._codec.parameters(self._parameters)
 
     def attitude(self, now_s: float) -> GimbalAttitude | None:
-        """Returns where it looks, if that was said lately."""
+        """Returns where it looks, if that was reported lately."""
         attitude = self._attitude
         return attitude if attitude is not None and now_s - attitude.time_s <= ATTITUDE_AGE_LIMIT_S else None
 
     def problems(self, now_s: float) -> Sequence[str]:
-        """Returns what it has said lately that fails."""
+        """Returns its recent reports of what fails."""
         return self._problems if now_s - self._reported_s <= ATTITUDE_AGE_LIMIT_S else ()
 
     def _on_mount(self, message: Message, now_s: float) -> None:

@@ -50,7 +50,7 @@ class MissionTopics:
         }
 
     def discard(self) -> None:
-        """Forgets what it has told of its mission: it has booted."""
+        """Forgets what it has reported of its mission: it has booted."""
         self.heard = None
 
     def _on_mission(self, message: Message, now_s: float) -> None:

@@ -89,7 +89,7 @@ class ParameterReader:
             self._next_s = now_s + REQUEST_PERIOD_S
 
     def _new_optional(self, now_s: float) -> list[str]:
-        """Returns those beside flying that were not requested lately, once all that a flight needs have come."""
+        """Returns those besides flying that were not requested lately, once all that a flight needs have come."""
         requested_s = self._optional_requested_s
         if self.missing:
             requested_s.clear()  # it has booted

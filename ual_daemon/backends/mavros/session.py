@@ -264,7 +264,7 @@ class MavrosSession:
             self._feed_forward.learn(telemetry.measured_s, pose, velocity.linear)
 
     def forget_gripper(self) -> None:
-        """Forgets what was said of the gripper: an order leaves, or a boot or a silence came."""
+        """Forgets the reports of the gripper: an order leaves, or a boot or a silence came."""
         self.gripper_state = GripperState.UNKNOWN
 
     def _on_text(self, text: str, severity: int, now_s: float) -> None:

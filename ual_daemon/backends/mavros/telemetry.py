@@ -266,7 +266,7 @@ class MavrosTelemetry:
             self.armed.discard()
             self.mode.discard()
             return
-        # Not when it came: after a stall of the bridge one comes that was said before.
+        # Not when it came: after a stall of the bridge an older one comes.
         reported_s = self._ordering.state_time_s(stamp_s(message), now_s)
         self.set_armed(bool(message["armed"]), reported_s, now_s)
         self.mode.set(messages.mode(str(message["mode"]), self.autopilot), reported_s)

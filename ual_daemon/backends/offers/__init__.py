@@ -1,1 +1,1 @@
-"""Services that a backend may offer beside flying, an interface each: see `ual_daemon.backends.base.Backend.offer`."""
+"""Services that a backend may offer besides flying, an interface each: see `ual_daemon.backends.base.Backend.offer`."""

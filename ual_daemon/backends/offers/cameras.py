@@ -80,7 +80,7 @@ class CameraDriver(ABC):
 
     @abstractmethod
     def take_photo(self) -> Future[TakenPhoto]:
-        """Takes a picture. The future ends once the camera has said that it was taken."""
+        """Takes a picture. The future ends once the camera has reported that it was taken."""
 
     @abstractmethod
     def start_interval(self, interval_s: float, count: int) -> Future[None]:

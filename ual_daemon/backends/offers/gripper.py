@@ -56,7 +56,7 @@ class GripperDriver(ABC):
 
     @abstractmethod
     def gripper_state(self, instance: int) -> Future[GripperState]:
-        """Returns what is said of a gripper."""
+        """Returns the reports of a gripper."""
 
     @abstractmethod
     def order_winch(self, instance: int, order: WinchOrder) -> Future[None]:

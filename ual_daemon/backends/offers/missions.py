@@ -42,7 +42,7 @@ class MissionReport:
             since it is received.
         time_s: When it was received last.
         mission_id: Its own checksum of the mission; 0 where it tells none.
-        reached_s: When it told what it reached last.
+        reached_s: Time of the report on what it reached last.
         changes: What else of it changes with the mission, such as its number of items: compared, and not read.
     """
 
@@ -128,7 +128,7 @@ class AutopilotMissions(ABC):
 
     @abstractmethod
     def report(self) -> MissionReport | None:
-        """Returns the newest of what it says of its mission; None while it has said nothing."""
+        """Returns the newest of its reports on its mission; None while there is none."""
 
     @abstractmethod
     def set_current(self, items: Sequence[Item], item: int, refusal: Refusal, *, anew: bool) -> Future[None]:

@@ -1,4 +1,4 @@
-"""ROS version and topics of the other side, with their types, from rosapi, which runs beside rosbridge."""
+"""ROS version and topics of the other side, with their types, from rosapi, which runs next to rosbridge."""
 
 from __future__ import annotations
 

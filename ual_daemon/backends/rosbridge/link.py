@@ -466,7 +466,7 @@ class RosbridgeLink:
         subscription.on_message(message, now_s)
 
     def _forget(self) -> None:
-        """Forgets what was said on a connection that has ended."""
+        """Forgets the messages of a connection that has ended."""
         self.state, self.graph, self._question = RosbridgeState.CONNECTING, None, None
         self._fragments = Fragments()
         self._unsubscribed.clear()

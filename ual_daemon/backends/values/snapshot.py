@@ -137,7 +137,7 @@ class EarthReference(NamedTuple):
 
 
 class SevereText(NamedTuple):
-    """A text of severity 0 (emergency) to 2 (critical) that the autopilot has said, and when."""
+    """A text of severity 0 (emergency) to 2 (critical) of the autopilot, and when it came."""
 
     text: str
     severity: int
@@ -154,7 +154,7 @@ class Condition(NamedTuple):
         health: What else the autopilot says of itself. Its `failsafe` and `held_by` are filled in above.
         has_rangefinder: Whether the autopilot uses a distance sensor that looks down.
         batteries: All of them, by their ids, where the autopilot tells of each.
-        severe_texts: What the autopilot has said of late that is critical or worse.
+        severe_texts: Recent texts of the autopilot that are critical or worse.
         aids: What else than satellites its sensors tell it about its place, human-readable; empty if nothing is known.
     """
 

@@ -201,7 +201,7 @@ class AutopilotMission(Manoeuvre):
         return self.future.done() and not self.future.cancelled() and self.future.exception() is None
 
     def has_list_of(self, report: MissionReport) -> bool:
-        """Returns whether the autopilot still tells the list that it told while this mission was flown."""
+        """Returns whether the autopilot still reports the list that it reported during this mission."""
         return self._watch.has_list_of(report)
 
     def is_at_last(self, report: MissionReport) -> bool:
@@ -343,7 +343,7 @@ class AutopilotMission(Manoeuvre):
         return TaskAbortedError(text, {"by": Cause.GROUND_STATION.value})
 
     def _reported_item(self) -> int:
-        """Returns the item that the autopilot told last, since it has entered the mission."""
+        """Returns the item that the autopilot reported last, since it has entered the mission."""
         report = self._offer.report()
         if report is None or report.item is None or report.time_s <= self._entered_s:
             return self._item

@@ -84,7 +84,7 @@ class AwaitStop(Manoeuvre):
     @override
     def begins_in(self, mode: str) -> None:
         super().begins_in(mode)
-        self.mode_seen = self._seen_mode or mode  # nothing has judged the present one
+        self.mode_seen = self._seen_mode or mode  # nothing has assessed the present one
 
     @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:

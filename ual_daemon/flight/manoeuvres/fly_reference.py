@@ -92,7 +92,7 @@ class FlyReference(Manoeuvre):
     stands_since_s: float = math.inf
     """Since when it stands; infinite while it goes on."""
     stood_s: float = -math.inf
-    """Time at which it stood last; infinitely long ago once it is told that it goes on."""
+    """Time at which it stood last; infinitely long ago once it is reported that it goes on."""
 
     @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:

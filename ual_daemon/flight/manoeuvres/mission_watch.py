@@ -89,7 +89,7 @@ class MissionWatch:
         return told == self._sure and (not is_end or bool(told.mission_id) or self._is_end_read)
 
     def has_list_of(self, report: MissionReport) -> bool:
-        """Returns whether the list told now is the one that was ours; also while none was reported."""
+        """Returns whether the list reported now is the one that was ours; also while none was reported."""
         return self._sure is None or self._sure == _report_key(report)
 
     def _report_key(self) -> _MissionReportKey | None:

@@ -1,4 +1,4 @@
-"""Keeping a UAV on the ground whose autopilot was told to fly a mission."""
+"""Keeping a UAV on the ground whose autopilot was commanded to fly a mission."""
 
 from __future__ import annotations
 

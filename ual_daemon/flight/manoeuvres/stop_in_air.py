@@ -46,7 +46,7 @@ class StopInAir(Recover):
 
     @override
     def begins_in(self, mode: str) -> None:
-        super().begins_in(self._seen_mode or mode)  # nothing has judged the present one
+        super().begins_in(self._seen_mode or mode)  # nothing has assessed the present one
 
     @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:

@@ -41,7 +41,7 @@ class _Clearance:
     tuple's names.
 
     Attributes:
-        info, world: All that it was made from, beside the place.
+        info, world: All that it was made from, besides the position.
         level2: The square of the horizontal speed within the limits; no velocity is below 0.
         climb_m_s, sink_m_s, turn_rad_s: The limits.
         brake_s2_m: Half the inverse of the least acceleration.

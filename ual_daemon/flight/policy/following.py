@@ -245,7 +245,7 @@ class Following:
         """
         self.due_s = snapshot.time_s + _VELOCITY_PERIOD_S
         if self._is_released:
-            self._is_released, self.why, self.trouble = False, "", None  # an update may have told it meanwhile
+            self._is_released, self.why, self.trouble = False, "", None  # an update may have reported it meanwhile
             self.forget()
         if snapshot.link.boots_count != self._boots_count:
             self._begin_boot(snapshot.link.boots_count)
@@ -459,7 +459,7 @@ class Following:
         return (Trouble.FALL, lost_m / (now_s - before.time_s)) if lost_m > may_m + _UNSEEN_M else None
 
     def _begin_boot(self, boots_count: int) -> None:
-        """A UAV whose autopilot boots stands: whatever was told of the boot before is over."""
+        """A UAV whose autopilot boots stands: whatever was reported of the boot before is over."""
         if self._boots_count:
             self.release()
             self._is_released = False

@@ -222,7 +222,7 @@ class GeofencePolicy:
         return narrowed[1] if own is None else self._within_autopilot_limits(narrowed[1], own, snapshot)
 
     def edges(self, snapshot: Snapshot) -> Fence:
-        """Returns the fence as it is told to people. Raises as `fence`.
+        """Returns the fence, human-readable. Raises as `fence`.
 
         Its floor and its ceiling are where they are configured, without what the estimated height may be off.
         """

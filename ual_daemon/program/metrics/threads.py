@@ -1,4 +1,4 @@
-"""The metrics of what works beside the flight: the guards of worker threads, and the audit. Imports no gRPC."""
+"""The metrics of what works besides the flight: the guards of worker threads, and the audit. Imports no gRPC."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Announcement of one UAV in the network, beside its telemetry: where to fly it, and what that takes."""
+"""Announcement of one UAV in the network, besides its telemetry: where to fly it, and what that takes."""
 
 from __future__ import annotations
 

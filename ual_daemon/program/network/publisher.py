@@ -144,4 +144,4 @@ class Publisher:
 
 
 def _nothing(_: str) -> None:
-    """Returns what is told of a UAV whose report cannot be made."""
+    """Returns the report of a UAV whose state cannot be read."""

@@ -7,7 +7,7 @@ from ual.recording.topics import Topic
 from ual_daemon.backends.values import Packet
 
 _MOST_PEERS = 64
-"""Most remote ends of a link that are told apart; a flood of addresses shares one."""
+"""Most remote ends of a link that are distinguished; a flood of addresses shares one."""
 
 
 class PacketTopics:

@@ -1,4 +1,4 @@
-"""Setpoints in a recording: what the autopilot was told to fly, in its local frame."""
+"""Setpoints in a recording: what the autopilot was commanded to fly, in its local frame."""
 
 from __future__ import annotations
 

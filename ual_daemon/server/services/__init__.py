@@ -1,4 +1,4 @@
-"""The servicers of the services that are shipped with the daemon, beside that of the UAV: unpack, call, pack."""
+"""The servicers of the services that are shipped with the daemon, besides that of the UAV: unpack, call, pack."""
 
 from __future__ import annotations
 

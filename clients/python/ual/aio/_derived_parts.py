@@ -43,7 +43,7 @@ class Camera:
         return await self._connection.run(_camera_calls.status(self._number))
 
     async def take_photo(self) -> Photo:
-        """Takes a picture, and returns once the camera has said that it was taken."""
+        """Takes a picture, and returns once the camera has reported that it was taken."""
         return await self._connection.run(_camera_calls.take_photo(self._number))
 
     async def start_photos(

@@ -1,4 +1,4 @@
-"""Behaviour of the contract's values beside holding their fields: ``XBase`` is a base of the value ``X``."""
+"""Behaviour of the contract's values besides holding their fields: ``XBase`` is a base of the value ``X``."""
 
 from __future__ import annotations
 

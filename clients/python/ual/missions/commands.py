@@ -361,7 +361,7 @@ _READ: Mapping[int, Sequence[int]] = {
     _START_CAPTURE: (1, 2, 3),
     _STOP_CAPTURE: (),
 }
-"""The parameters of each command that are read or judged."""
+"""The parameters of each command that are read or assessed."""
 _IGNORED = {
     (commands.TAKEOFF, 1): "the pitch of the take-off",
     (commands.LAND, 7): "the altitude of the landing",

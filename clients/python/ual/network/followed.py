@@ -17,7 +17,7 @@ class Followed:
         ns: Its name; empty where it is the only one of the network.
         called: Returns the UAVs of a name that are known now.
         where: The network, for errors.
-        is_settled: Returns whether all that are there have told of themselves. Shortly after the network was joined
+        is_settled: Returns whether all that are there have announced themselves. Shortly after the network was joined
             they may not have.
         names: Returns the names of the UAVs that are there.
 

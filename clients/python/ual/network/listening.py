@@ -179,7 +179,7 @@ class Network:
         return f"site {self.settings.site}, {where}"
 
     def wait_until_complete(self, timeout_s: float = _JOIN_S) -> bool:
-        """Waits until each daemon that is there has told of all its UAVs, or for the whole time where none is there.
+        """Waits until each daemon that is there has announced all its UAVs, or for the whole time where none is there.
 
         One that is there for 2 s and has not reported is not waited for: `unseen` names it. Returns whether that was so
         in time.
@@ -216,7 +216,7 @@ class Network:
                 reader.join(max(0.0, end_s - time.monotonic()))
 
     def _is_settled(self, ns: str) -> bool:
-        """Returns whether all that may be this UAV have told of themselves, or have had the time for it."""
+        """Returns whether all that may be this UAV have announced themselves, or have had the time for it."""
         if self._is_parents:
             return True
         now_s = time.monotonic()

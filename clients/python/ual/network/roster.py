@@ -24,7 +24,7 @@ MOST_OF_PUBLISHER = 8
 MOST_UAVS = 20_000
 """Of one process."""
 MUTE_S = 2.0
-"""Seconds after which a process that is there and has not told of all its UAVs is not awaited any more."""
+"""Seconds after which a process that is there and has not announced all its UAVs is not awaited any more."""
 UNHEARD_S = 5.0
 UNHEARD_PERIODS = 5.0
 """A process that tells nothing for this long counts as gone, whatever its sign of life says: see docs/network.md."""
@@ -58,7 +58,7 @@ class _RosterProcess:
 
     @property
     def has_reported_all(self) -> bool:
-        """Whether it has told of all its UAVs."""
+        """Whether it has announced all its UAVs."""
         return self.teller is not None and len(self.uavs) >= min(self.teller.uav_count, MOST_UAVS)
 
     def is_awaited(self, now_s: float) -> bool:
@@ -198,7 +198,7 @@ class Roster:
             self.on_alive(source, now_s)
 
     def is_complete(self, now_s: float) -> bool:
-        """Returns whether each process that is there has told of all its UAVs, or had the time for it: see `unseen`.
+        """Returns whether each process that is there has announced all its UAVs, or had the time for it: see `unseen`.
 
         None may have been received yet: that is not so.
         """
@@ -206,13 +206,13 @@ class Roster:
         return bool(there) and not any(process.is_awaited(now_s) for process in there)
 
     def is_known(self, ns: str, now_s: float) -> bool:
-        """Returns whether a UAV has been told of, and nothing that may speak for it is awaited."""
+        """Returns whether a UAV has been announced, and nothing that may speak for it is awaited."""
         return bool(self.called(ns)) and not any(
             process.is_awaited(now_s) and keys.speaks_for(source.publisher, ns) for source, process in self._all()
         )
 
     def unseen(self) -> tuple[str, ...]:
-        """Returns what is there and not shown, human-readable; empty where all that is there has told of its UAVs."""
+        """Returns what is there and not shown, human-readable; empty where all that is there has announced its UAVs."""
         mute = {
             source.publisher
             for source, process in self._all()

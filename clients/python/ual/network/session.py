@@ -1,4 +1,4 @@
-"""Opens a session of Zenoh. The only module, beside those that publish and listen, that knows Zenoh."""
+"""Opens a session of Zenoh. The only module, besides those that publish and listen, that knows Zenoh."""
 
 from __future__ import annotations
 

@@ -56,7 +56,7 @@ class Report:
 
 @dataclass(frozen=True, slots=True)
 class NetworkUav:
-    """A UAV of the network, as it was told of last.
+    """A UAV of the network, as it was last announced.
 
     `telemetry` has what changes: state, place in ``map`` and on Earth, battery, task, health. `publisher` and
     `instance` say which process tells. `heard_s` is when the sample came, and `gone_s` since when its daemon is gone

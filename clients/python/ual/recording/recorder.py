@@ -34,7 +34,7 @@ MOST_ENTRIES = 50_000
 MOST_WAITING_BYTES = 64 << 20
 """Most bytes that wait, where entries are large."""
 _ENTRY_BYTES = 400
-"""About what an entry takes, beside what it brings along."""
+"""About what an entry takes, besides what it brings along."""
 _CLOSE_TIMEOUT_S = 10.0
 _UNTOLD = of_json(
     "/untold",

@@ -1,4 +1,4 @@
-"""Telemetry in a recording: the contract's own messages, and beside them those that viewers draw by themselves."""
+"""Telemetry in a recording: the contract's own messages, and next to them those that viewers draw by themselves."""
 
 from __future__ import annotations
 

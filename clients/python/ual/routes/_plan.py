@@ -60,7 +60,7 @@ def read(document: object) -> Route:
 
 
 def other_parts(document: object) -> list[str]:
-    """Returns what a plan has beside its mission."""
+    """Returns what a plan has besides its mission."""
     parts = document if isinstance(document, Mapping) else {}
     fence, rally = parts.get("geoFence"), parts.get("rallyPoints")
     if any(_holds(fence, key) for key in ("polygons", "circles", "polygon")) or _holds(rally, "points"):

@@ -22,7 +22,7 @@ _OF_TESTS = "UAL_TEST_"
 _NAME_SIMILARITY = 0.75
 """Least similarity of a name to be proposed: all have the same beginning."""
 OTHERS_VARIABLE = "UAL_OTHER_VARIABLES"
-"""Names, separated by commas, of variables ``UAL_...`` that belong to programs beside UAL."""
+"""Names, separated by commas, of variables ``UAL_...`` that belong to programs other than UAL."""
 OF_CLIENTS = (
     ADDRESS_VARIABLE,
     NETWORK_VARIABLE,

@@ -20,7 +20,7 @@ _STATES: Mapping[int, State] = {state.value: state for state in State}
 
 
 def telemetry_to_proto(telemetry: Telemetry) -> pb.Telemetry:
-    """One sample. `missed_count` belongs to a subscriber and is sent beside it."""
+    """One sample. `missed_count` belongs to a subscriber and is sent with it."""
     message = pb.Telemetry()
     write_telemetry(telemetry, message)
     return message

@@ -17,7 +17,7 @@ _ROTATION_CHECK_S = 0.5
 
 
 class LogFile:
-    """A file of lines. What cannot be written is counted, and told in the file once it can be written again.
+    """A file of lines. What cannot be written is counted, and noted in the file once it can be written again.
 
     Args:
         path: It is made, if it is not there.

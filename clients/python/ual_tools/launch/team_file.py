@@ -146,7 +146,7 @@ def _members(
 def _uav(
     entry: Node, names: Mapping[str, str], directory: Path, needs: tuple[str, ...], image: str | None
 ) -> list[Program]:
-    """Returns the programs beside the daemon, and the daemon."""
+    """Returns the programs next to the daemon, and the daemon."""
     values = entry.named(names).entries()
     ns = values["ns"].text() if "ns" in values else f"uav_{names['index']}"
     if not _NAMESPACE.fullmatch(ns):

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Joined:
-    """The network, if a command is told to use one. Any thread may ask.
+    """The network, if a command is to use one. Any thread may ask.
 
     Args:
         config: A file of settings, or ``loopback``.
@@ -29,7 +29,7 @@ class Joined:
         self._network: Network | None = None
 
     def network(self) -> Network:
-        """Returns the network, complete: each daemon that is there has told of its UAVs.
+        """Returns the network, complete: each daemon that is there has announced its UAVs.
 
         Raises:
             UalError: It cannot be joined.

@@ -22,7 +22,7 @@ class Dialect(Autopilot):
     """One kind of autopilot, over MAVLink. Stateless: callers pass everything that it needs."""
 
     names_intended_mode = False
-    """Whether it reports which mode it was requested beside the one that flies: another one is then a failsafe's."""
+    """Whether it reports the requested mode besides the one that flies: another one is then a failsafe's."""
     freshness = Freshness(link_s=1.0, pose_s=1.2, mode_s=5.0, landed_s=1.5, estimator_s=3.0)
     """Chosen for PX4's slowest rates without a request: heartbeat and estimator status 1 Hz, landed state 5 Hz,
     position 30 Hz. They are long enough for a link that loses and damages 40 %: every requested value comes in time,

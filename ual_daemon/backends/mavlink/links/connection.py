@@ -125,7 +125,7 @@ class LinkConnection(MessageTransport):
                 return
 
     def on_received(self, heard_s: float) -> None:
-        """Takes when the autopilot was last heard: if that is new, the link works."""
+        """Takes when the last message of the autopilot came: if that is new, the link works."""
         if heard_s <= self._alive_s:
             return
         self._alive_s = heard_s

@@ -1,1 +1,1 @@
-"""Services of the mavlink backend beside flying: `ual_daemon.backends.offers` by the protocols."""
+"""Services of the mavlink backend besides flying: `ual_daemon.backends.offers` by the protocols."""

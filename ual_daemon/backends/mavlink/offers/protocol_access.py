@@ -31,7 +31,7 @@ class Orders(NamedTuple):
     Attributes:
         reach: The way to the protocols.
         give: Passes a command to the autopilot, with a human-readable name.
-        messages: What is listened to, beside the messages that the session needs.
+        messages: The messages that it receives, besides those that the session needs.
 
     """
 

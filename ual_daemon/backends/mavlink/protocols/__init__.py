@@ -1,1 +1,1 @@
-"""MAVLink's protocols beside flying, as state machines without threads, sockets or clocks."""
+"""MAVLink's protocols besides flying, as state machines without threads, sockets or clocks."""

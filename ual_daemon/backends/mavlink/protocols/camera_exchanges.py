@@ -82,7 +82,7 @@ class CameraExchange(Exchange[T]):
 
 
 class CameraOrder(CameraExchange[None]):
-    """Has the camera do something, and ends once it has said that it does, or has done so."""
+    """Has the camera do something, and ends once it has reported that it does, or has done so."""
 
     def __init__(self, future: Future[None], line: CameraSender, command_id: int, params: Sequence[float]) -> None:
         super().__init__(future, line)

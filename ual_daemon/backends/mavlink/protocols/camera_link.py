@@ -46,7 +46,7 @@ own.
 IDENTITY_S, LATER_IDENTITY_S = 1.0, 10.0
 """The interval of requests for what a camera is: at first, and after `EARLY_REQUESTS` of them."""
 DOUBTED_IDENTITY_S = 0.5
-"""Seconds after which a camera is asked again that has reported to be another one."""
+"""Seconds after which a camera is queried again that has reported to be another one."""
 EARLY_REQUESTS = 10
 SHOT_RETRY_S, SHOT_TRIES_COUNT = 0.15, 3
 """Interval in seconds and attempts of an order of a picture by distance, as long as the UAV is near its place."""
@@ -203,7 +203,7 @@ class CameraLink:
         self._running = None
 
     def status(self) -> CameraStatus:
-        """Returns what it has said last of what it does."""
+        """Returns its last report of what it does."""
         reported = self._status
         return CameraStatus(
             mode=reported.mode,

@@ -62,7 +62,7 @@ class CameraProtocol(Protocol):
         self._send = send
         self._may_be_flying = may_be_flying
         self._doubted: dict[int, Agreement[bool]] = {}
-        """The components that have said once that they are cameras."""
+        """The components that have reported once that they are cameras."""
         self._target: MessageSource | None = None
         self._by_component: dict[int, CameraLink] = {}
 
@@ -105,7 +105,7 @@ class CameraProtocol(Protocol):
             camera.on_message(message, now_s, utc_now_s)
 
     def _is_sure(self, source: MessageSource, now_s: float) -> bool:
-        """Returns whether a component has said twice that it is a camera: it keeps its number for good. Else it is
+        """Returns whether a component has reported twice that it is a camera: it keeps its number for good. Else it is
         asked.
         """
         there = self._doubted.setdefault(source.component_id, Agreement(assumed=False, count=2, span_s=0.0))

@@ -76,7 +76,7 @@ class GimbalLink:
         self.attitude: GimbalAttitude | None = None
         self._identities: Agreement[GimbalIdentity] | None = None
         self.is_identified = False
-        """Whether it has said what it is since it was received first, or again."""
+        """Whether it has identified itself since it was received first, or again."""
         self.failures: tuple[str, ...] = ()
         self._line = line
         self.is_kind_known = is_kind_known
@@ -105,7 +105,7 @@ class GimbalLink:
 
     @property
     def is_doubtful(self) -> bool:
-        """Whether it has said that it is something else, so that it is to be asked again."""
+        """Whether it has reported to be something else, so that it is to be asked again."""
         return self._identities is not None and self._identities.is_open
 
     @property
@@ -126,7 +126,7 @@ class GimbalLink:
         return GimbalInfo(self.number, self.name, identity.abilities, is_connected, "", roll, pitch, yaw, note)
 
     def attitude_at(self, now_s: float) -> GimbalAttitude | None:
-        """Returns where it looks, if it has said so lately."""
+        """Returns where it looks, if it has reported so lately."""
         attitude = self.attitude
         return attitude if attitude is not None and now_s - attitude.time_s <= ATTITUDE_AGE_LIMIT_S else None
 

@@ -191,7 +191,7 @@ class GimbalProtocol(Protocol):
                     link.on_information(message, now_s, self._lacks(source), is_flying=self._means.is_flying())
             elif link is not None:
                 link.on_status(message, now_s)
-            else:  # it manages one that has not said what it is
+            else:  # it manages one that has not identified itself
                 self._ask(source.component_id, now_s)
 
     def _on_attitude(self, source: MessageSource, message: Message, now_s: float) -> None:
@@ -206,7 +206,7 @@ class GimbalProtocol(Protocol):
         return next((each for each in self.found if (each.manager, each.device_id) == (source, device_id)), None)
 
     def _add_sure(self, source: MessageSource, device_id: int, now_s: float) -> GimbalLink | None:
-        """Adds one that has said twice that it is there: it keeps its number for good."""
+        """Adds one that has reported twice that it is there: it keeps its number for good."""
         key = (source, device_id)
         if key not in self._doubted and len(self._doubted) >= MOST_DOUBTED_GIMBALS:
             return None
@@ -255,7 +255,7 @@ class GimbalProtocol(Protocol):
     # --- What is requested --------------------------------------------------------------------------------------------
 
     def _ask(self, component_id: int, now_s: float) -> None:
-        """Asks a component what it manages, from time to time, until it has said so."""
+        """Asks a component what it manages, from time to time, until it has reported so."""
         target = self._target
         known = [each for each in self.found if each.manager.component_id == component_id]
         if known and all(each.is_identified for each in known):

@@ -46,7 +46,7 @@ class GripperReports(Protocol):
         return {mavlink.MAVLINK_MSG_ID_STATUSTEXT: lambda message, _: self._on_text(message)}
 
     def forget_state(self) -> None:
-        """Forgets what was said of the gripper: an order leaves, or the link was lost."""
+        """Forgets the reports of the gripper: an order leaves, or the link was lost."""
         self.state = GripperState.UNKNOWN
 
     def await_order(self, future: Future[None], what: str) -> None:

@@ -34,7 +34,7 @@ DATA_SILENCE_S = 1.0
 PROGRESS_TIMEOUT_S = 10.0
 """Seconds without new data after which an exchange ends."""
 IDLE_LOG_S = 2.0
-"""Seconds after which the autopilot is told that nothing is wanted any more."""
+"""Seconds after which the autopilot is informed that nothing is wanted any more."""
 MOST_LOGS = 2000
 COUNTS_COUNT = 4
 """Different counts of logs that may be reported while they are listed: one may be added."""
@@ -237,7 +237,7 @@ class LogTransfers(Protocol):
         self._waiting: deque[_LogExchange[Any]] = deque()
         self._running: _LogExchange[Any] | None = None
         self._used_s: float | None = None
-        """Time at which data was read last; None once the autopilot was told that no more is wanted."""
+        """Time at which data was read last; None once the autopilot was informed that no more is wanted."""
 
     @property
     @override

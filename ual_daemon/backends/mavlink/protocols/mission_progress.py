@@ -29,7 +29,7 @@ TRIES_COUNT = 10
 
 @dataclass(frozen=True, slots=True)
 class MissionNews:
-    """The newest of what was heard of the mission: MISSION_CURRENT, and the number and time of MISSION_ITEM_REACHED.
+    """The newest of what was received of the mission: MISSION_CURRENT, and the number and time of MISSION_ITEM_REACHED.
 
     `total` is the number of its items, `texts_count` how many texts said that it was changed.
     """

@@ -50,7 +50,7 @@ class MissionTransfers(Protocol):
         self._running: _TransferRequest | None = None
         self._changes: Counter[MissionType] = Counter()
         self.opaque_ids: OpaqueIds | None = None
-        """The newest; None while the autopilot has told none."""
+        """The newest; None while the autopilot has reported none."""
 
     @property
     @override

@@ -46,7 +46,7 @@ class ParameterTransfers(Protocol):
     """Belongs to the thread that receives. `send` sends a message; `is_up` says whether the link is up at a time.
 
     One exchange about a single parameter runs at a time, in the order in which they were requested. So two writes of
-    one name cannot be taken for each other. A list runs beside it, once for all callers.
+    one name cannot be taken for each other. A list runs at the same time, once for all callers.
     """
 
     def __init__(self, send: Callable[[Message], object], is_up: Callable[[float], bool]) -> None:

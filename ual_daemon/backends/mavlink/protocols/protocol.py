@@ -1,4 +1,4 @@
-"""Interface between the session and a protocol beside flying: it gets an autopilot, messages and ticks."""
+"""Interface between the session and a protocol besides flying: it gets an autopilot, messages and ticks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""All protocols beside flying of one link."""
+"""All protocols besides flying of one link."""
 
 from __future__ import annotations
 

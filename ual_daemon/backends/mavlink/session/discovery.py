@@ -281,7 +281,7 @@ class Discovery(Selector):
             logs.event(_log, logging.WARNING, "no_autopilot", url=self._url, heard=notes)
 
     def _replace_session(self, source: MessageSource, successor: Successor) -> None:
-        """Opens the session again, as the vehicle is another one than its heartbeats said, or than was there before."""
+        """Reopens the session, as the vehicle is another one than its heartbeats reported, or than was there before."""
         dialect = dialect_of(successor.kind, is_addressable=source.system_id != ALL_SYSTEMS_ID)
         session = self._open_session(source, successor.heartbeats_kind, dialect, None, successor.shape)
         self.receiver.replace_handler(session)

@@ -57,7 +57,7 @@ class FenceDownload:
         self._read_id = 0
         """The autopilot's checksum of what was read; 0 where it tells none."""
         self._reported_id = 0
-        """The newest that it has told."""
+        """The newest that it has reported."""
 
     def want(self) -> None:
         """Downloads it again, soon: what is in progress may be of the fence before, and ends first."""
@@ -80,7 +80,7 @@ class FenceDownload:
             self._begin()
 
     def _is_changed(self) -> bool:
-        """Takes what is told of the list. Returns whether it may be another one than at the last tick."""
+        """Takes what is reported of the list. Returns whether it may be another one than at the last tick."""
         before = self._changes_count, self._reported_id
         ids = self._transfers.opaque_ids
         self._changes_count, self._reported_id = self._transfers.changes_count(_FENCE), 0 if ids is None else ids.fence

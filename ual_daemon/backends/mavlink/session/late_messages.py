@@ -10,7 +10,7 @@ from ual_daemon.backends.engine.readings import Reading
 from ual_daemon.backends.values import NEVER_S
 
 LATE_TIME_SHARE = 0.4
-"""A message is late once this part of its time has passed: what it said is believed for the whole of it."""
+"""A message is late once this part of its time has passed: its content is believed for the whole of it."""
 REQUEST_S = 0.1
 """Seconds between two requests for late messages. On a link that loses 40 % each way, 14 requests bring one back in
 99.9 %.
@@ -32,7 +32,7 @@ class LateMessages:
         self._next_s = -math.inf
 
     def due(self, now_s: float, heard_s: float | None) -> list[int]:
-        """Returns the ids of what is to be requested now. `heard_s` is when the autopilot was last heard."""
+        """Returns the ids of what is to be requested now. `heard_s` is the time of the autopilot's last message."""
         if now_s < self._next_s or heard_s is None or now_s - heard_s > RECENT_CONTACT_S:
             return []
         late = [each for each, reading, late_s in self._late_s if _is_late(reading, late_s, now_s)]

@@ -218,7 +218,7 @@ class MavlinkSession:
 
     @property
     def mission_news(self) -> MissionNews | None:
-        """The newest of what was heard of its mission. From any thread."""
+        """The newest of what was received of its mission. From any thread."""
         return self._protocols.progress.heard
 
     @property
@@ -610,7 +610,7 @@ class MavlinkSession:
             self._sender.send(mavlink.MAVLink_timesync_message(round(utc_now_s * 1e9), message.ts1))
 
     def _stream_attitude(self, now_s: float) -> None:
-        """Takes angles where no quaternion comes. PX4 sends them a hundred times a second beside it, for others."""
+        """Takes angles where no quaternion comes. PX4 sends them a hundred times a second as well, for others."""
         began_s = self._began_s = now_s if self._began_s is None else self._began_s
         if self.telemetry.attitude_time_s is None and now_s - began_s > QUATERNION_S:
             self._own_decoded_ids |= {mavlink.MAVLINK_MSG_ID_ATTITUDE}

@@ -1,4 +1,4 @@
-"""The statistics of the link to the autopilot, beside its state. Pure logic: callers pass the time."""
+"""The statistics of the link to the autopilot, besides its state. Pure logic: callers pass the time."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ class _Second:
 
 
 class LinkCounts:
-    """Counts what comes from one autopilot, beside the `watch` of its link.
+    """Counts what comes from one autopilot, besides the `watch` of its link.
 
     Not thread-safe: belongs to the thread that receives; others may read `statistics`.
     """

@@ -216,7 +216,7 @@ class AutopilotTelemetry:
 
     @property
     def is_version_contradicted(self) -> bool:
-        """Whether it has said another version of late, and not which one is right."""
+        """Whether it has reported another version of late, so that it is not known which one is right."""
         return self._versions is not None and self._versions.is_open
 
     @property

@@ -195,7 +195,7 @@ class _Replacement:
         return session_of(self._services).telemetry.counts[topics.STATUS_TEXT]
 
     def _status_text(self) -> str:
-        """Returns what the autopilot has said meanwhile."""
+        """Returns the autopilot's texts since then."""
         has_reported = self._counts() > self._texts_count
         return f"; it said: {session_of(self._services).telemetry.status_text}" if has_reported else ""
 

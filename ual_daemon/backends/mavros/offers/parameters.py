@@ -261,7 +261,7 @@ def _known(found: Parameter | None, name: str, names: frozenset[str]) -> Paramet
 
 
 def _unless_busy(error: BaseException) -> Future[Parameter | None]:
-    """MAVROS refuses to write while it fetches the list: it is asked again."""
+    """MAVROS refuses to write while it fetches the list: the request is repeated."""
     if isinstance(error, BusyError):
         return done(None)
     raise error
