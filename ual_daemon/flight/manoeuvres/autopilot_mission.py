@@ -131,6 +131,9 @@ class AutopilotMission(Manoeuvre):
         self._phase = _Phase.VERIFYING if first is None else _Phase.CHOOSING
         self._waited: Future[Any] | None = None
         """Future that the phase waits for."""
+        self._reported_list = _list_key(offer.report())
+        """List that was reported when the mission was read last before its start."""
+        self._list_read: Future[KeptMission] | None = None
         self.began_in = ""
         """The mode in which it begins, or goes on; empty for the first one that is seen."""
         self._was_paused = False
@@ -423,8 +426,32 @@ class AutopilotMission(Manoeuvre):
             found = self._result()
             if isinstance(found, UalError):
                 return failed(with_advice(found, self._stays()))
-            self._enter(snapshot)
+            step = self._unless_replaced()
+            if step is None:
+                self._enter(snapshot)
+            elif step.has_ended:
+                return step
         return self._referring(snapshot)
+
+    def _unless_replaced(self) -> Step | None:
+        """Reads the mission again if another list was reported since it was read: another station may have brought it,
+        and nothing has checked where that leads. Returns what to do meanwhile, and its end; None if it is still ours.
+        """
+        if self._list_read is None:
+            report = self._offer.report()
+            reported, id_ = _list_key(report), self._kept.mission_id
+            if reported == self._reported_list or (report is not None and report.mission_id == id_ != 0):
+                return None
+            self._reported_list, self._list_read = reported, self._offer.download()
+        if not self._list_read.done():
+            return Step()
+        found, self._list_read = _result_of(self._list_read), None
+        if isinstance(found, UalError):
+            return failed(with_advice(found, self._stays()))
+        if found.digest != self._kept.digest:
+            why = f"{NAME}: another station has brought another mission since this one was read; {self._stays()}"
+            return failed(TaskAbortedError(why, {"by": "ground station"}))
+        return self._unless_replaced()
 
     def _enter(self, snapshot: Snapshot) -> None:
         self.command = AutopilotCommand("fly the mission")
@@ -620,14 +647,22 @@ class AutopilotMission(Manoeuvre):
         return "the autopilot holds its position" if self._reference is None else _HOLDS
 
     def _result(self) -> Any:  # noqa: ANN401  of what the phase waits for
-        waited = self._waited
-        assert waited is not None
-        if waited.cancelled():
-            return UalError(f"{NAME}: it was withdrawn by the backend")
-        error = waited.exception()
-        if error is None:
-            return waited.result()
-        return error if isinstance(error, UalError) else UalError(f"{NAME}: {error}")
+        assert self._waited is not None
+        return _result_of(self._waited)
+
+
+def _result_of(waited: Future[Any]) -> Any:  # noqa: ANN401  of whatever is waited for, or its error
+    if waited.cancelled():
+        return UalError(f"{NAME}: it was withdrawn by the backend")
+    error = waited.exception()
+    if error is None:
+        return waited.result()
+    return error if isinstance(error, UalError) else UalError(f"{NAME}: {error}")
+
+
+def _list_key(report: MissionReport | None) -> tuple[int, tuple[int, ...]] | None:
+    """Returns the part of a report that changes with the mission; None where nothing is reported."""
+    return None if report is None else (report.mission_id, report.changes)
 
 
 def _of_another() -> Step:

@@ -159,6 +159,35 @@ def test_a_pilot_who_takes_over_as_one_replaces_another_keeps_it(lab: Lab) -> No
     assert lab.autopilot.step(lab.mission).is_taken
 
 
+def start_with_another_list(lab: Lab) -> None:
+    """Another list is reported while the first item is being made the current one."""
+    lab.offer.told = MissionReport(MissionStage.NOT_STARTED, None, None, 0.0, changes=(2,))
+    lab.offer.chosen = Future()
+    lab.mission = lab.make()
+    lab.run()
+    lab.offer.told = replace(lab.offer.told, changes=(3,))
+    lab.offer.chosen.set_result(None)
+    lab.run()
+    assert lab.offer.asked == ["set_current", "download"]
+
+
+def test_a_mission_that_another_station_replaces_before_its_start_is_not_begun(lab: Lab) -> None:
+    """A real ArduCopter: it was flown to the other's places for half a second, after its list had been reported."""
+    start_with_another_list(lab)
+    lab.offer.read.set_result(KEPT._replace(digest="2"))
+    step = lab.autopilot.step(lab.mission)
+    assert isinstance(step.error, TaskAbortedError)
+    assert step.error.metadata["by"] == "ground station"
+    assert "fly" not in lab.offer.asked
+
+
+def test_a_list_that_is_reported_late_does_not_keep_a_mission_from_its_start(lab: Lab) -> None:
+    start_with_another_list(lab)
+    lab.offer.read.set_result(KEPT)
+    lab.run()
+    assert lab.offer.asked == ["set_current", "download", "fly"]
+
+
 def test_a_paused_mission_is_read_again_and_goes_on(lab: Lab) -> None:
     lab.fly()
     lab.pause()
