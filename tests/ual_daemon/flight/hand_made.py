@@ -37,6 +37,7 @@ class Autopilot:
     time_s: float = 0.0
     z: float = 0.2  # an estimate on the ground is not exactly 0
     climb_m_s: float = 0.0
+    drift_m_s: float = 0.0
     armed: bool = True
     control: Control = Control.OTHER
     landed: LandedState = LandedState.ON_GROUND
@@ -65,7 +66,7 @@ class Autopilot:
             motion=MotionState(
                 estimator=Sample(Estimator(True), heard_s),
                 pose=Sample(Pose(Vector3(1.0, 2.0, self.z), Quaternion.from_yaw(self.yaw_rad)), heard_s),
-                velocity=Sample(Twist(Vector3(0.0, 0.0, self.climb_m_s)), heard_s),
+                velocity=Sample(Twist(Vector3(self.drift_m_s, 0.0, self.climb_m_s)), heard_s),
             ),
             condition=Condition(status_text=self.status_text),
         )

@@ -76,6 +76,10 @@ NAMED_M, NAMED_M_S, _NAMED_S = 1.0, 1.0, 0.3
 """The same where the autopilot shows another sender's targets: two signs agree then."""
 _STILL_M_S, _STILL_S = 0.4, 1.0
 """Speed in m/s below which, and seconds after which, it stands still."""
+_LEVEL_M_S, _GROUND_DRIFT_M_S, _LEVEL_S = 0.4, 1.5, 1.5
+"""Vertical speed and speed in m/s below which, and seconds after which, a UAV near the ground has fallen onto it. After
+an impact PX4's estimate drifts along the ground for 7 s.
+"""
 DISARMED_TIME_S = 3.0
 """Seconds after the disarming in the air within which it may begin to fall."""
 _STOPPED_DROP_M, _STOPPED_S = 1.0, 8.0
@@ -151,6 +155,8 @@ class Following:
         """Since when, in a landing, the motors are stopped."""
         self._tilted_s = self._astray_s = self._slow_s = math.inf
         self._still_s: float | None = None
+        self._level_s = math.inf
+        """Since when it neither sinks nor climbs; infinity while it does."""
         self._looked_s = self._placed_s = -math.inf
         self._hold: Hold | None = None
         self._nearest = self._furthest = self._turn_m = 0.0
@@ -216,7 +222,8 @@ class Following:
         """Returns whether it has fallen, and lies on the ground, by its height over that."""
         has_fallen = self.trouble is not None and self.trouble is not Trouble.ASTRAY
         near_m = _GROUND_NOISE_M if is_ground_known else _UNKNOWN_GROUND_M
-        return has_fallen and (self.is_still or self.lies) and height_m < near_m
+        is_level = self._seen_s - self._level_s >= _LEVEL_S
+        return has_fallen and (self.is_still or self.lies or is_level) and height_m < near_m
 
     def release(self) -> None:
         """Begins again: somebody has asked for the control, or it lies disarmed. Any thread may call."""
@@ -233,7 +240,7 @@ class Following:
         self._recent.clear()
         self._forget_distance()
         self._fall = self._stopped = self._still_s = None
-        self._tilted_s = self._slow_s = math.inf
+        self._tilted_s = self._slow_s = self._level_s = math.inf
         self._looked_s = self._placed_s = -math.inf
 
     # --- Updates ------------------------------------------------------------------------------------------------------
@@ -265,12 +272,7 @@ class Following:
             self._begin_anew()
         x, y, z = velocity.value.linear
         self._speed_squared = x * x + y * y + z * z
-        if self._speed_squared > _STILL_M_S * _STILL_M_S:
-            self._still_s, self.is_still = None, False
-        elif self._still_s is None:
-            self._still_s = now_s
-        else:
-            self.is_still = now_s - self._still_s >= _STILL_S
+        self._note_stillness(z, now_s)
         found = self._find(snapshot, raw.state, current) or self._fell_unseen(snapshot, raw.state)
         self._before = _ReceivedVelocity(now_s, pose.value.position.z, -z) if raw.state in _IN_AIR else None
         if found is not None:
@@ -280,6 +282,19 @@ class Following:
         elif self.why:
             self._is_now = self.lies = False
             self._settle(raw.state)
+
+    def _note_stillness(self, climb_m_s: float, now_s: float) -> None:
+        """Notes since when it stands still, and since when it neither sinks nor climbs."""
+        if self._speed_squared > _STILL_M_S * _STILL_M_S:
+            self._still_s, self.is_still = None, False
+        elif self._still_s is None:
+            self._still_s = now_s
+        else:
+            self.is_still = now_s - self._still_s >= _STILL_S
+        if abs(climb_m_s) > _LEVEL_M_S or self._speed_squared > _GROUND_DRIFT_M_S * _GROUND_DRIFT_M_S:
+            self._level_s = math.inf
+        elif self._level_s == math.inf:
+            self._level_s = now_s
 
     def _note_blind(self, snapshot: Snapshot) -> None:
         """Notes that it is not known how it moves: once it is known again, it may have fallen meanwhile.
@@ -305,7 +320,8 @@ class Following:
         is_worse = self.trouble is None or trouble is not self.trouble
         if is_worse and not (self.trouble in _LEADING and trouble not in _LEADING):
             self.trouble, self._worst, self.lies = trouble, 0.0, False
-            self._slow_s, self._still_s, self.is_still = math.inf, None, False  # as it may stand in the air until now
+            self._still_s, self.is_still = None, False  # as it may stand in the air until now
+            self._slow_s = self._level_s = math.inf
         self._is_now = True
         if trouble is self.trouble:
             self._worst = max(self._worst, size)

@@ -191,6 +191,23 @@ def test_a_velocity_after_a_pilots_flight_is_compared_anew() -> None:
     assert watched.fly(3.0) is not None  # this one is never flown
 
 
+@pytest.mark.parametrize(("climbs_m_s", "is_down"), [(0.2, True), (0.6, False)])
+def test_what_drifts_along_the_ground_after_its_impact_is_down(climbs_m_s: float, is_down: bool) -> None:
+    """A real PX4 with a dead motor: by its estimate it never stood still, and rose by 0.85 m once that worked again."""
+    watched = Watched()
+    assert watched.fly(1.0) is None
+    assert watched.fly(1.0, G_M_S2) is not None
+    watched.lie()
+    watched.autopilot.drift_m_s = 0.6
+    for look in range(20):
+        watched.autopilot.time_s += LOOK_S
+        watched.autopilot.climb_m_s = climbs_m_s if look % 4 else -climbs_m_s
+        watched.poll_once()
+    assert not watched.following.is_still
+    assert watched.following.is_down(0.1, is_ground_known=True) is is_down
+    assert not watched.following.is_down(2.0, is_ground_known=True)
+
+
 def test_a_boot_ends_what_was_reported_of_a_fall() -> None:
     """It still said for 1.2 s after the boot that it fell (campaign, 10200003)."""
     watched = Watched()
