@@ -414,6 +414,31 @@ def test_a_long_path_faces_a_new_fence_bit_by_bit_and_ends_before_it(world: Worl
         task.future.result()
 
 
+def test_a_long_path_that_leads_back_into_a_new_fence_faces_it_bit_by_bit_too(
+    world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    uav, geofence, read_count = world.uav, world.uav.vehicle._flight.geofence, 0
+    outline = geofence.outline
+
+    def counted(*arguments: Any) -> Iterator[Vector3]:
+        nonlocal read_count
+        for point in outline(*arguments):
+            read_count += 1
+            yield point
+
+    monkeypatch.setattr(geofence, "outline", counted)
+    uav.end(uav.prepare.go_to_waypoint(at(RADIUS_M, 0.0, 3.0)).begin().future)
+    inside = [at(3.0 * (n % 10), 4.0 * (n % 2), 3.0) for n in range(1, 400)]
+    task = uav.prepare.follow_path(inside, corner_radius_m=0.5).begin()
+    uav.run(UPDATE_S)
+    world.fence(RADIUS_M)  # less its reserve, so that the UAV is just outside
+    uav.run(UPDATE_S)
+    assert 0 < read_count < 100
+    uav.run(1.0)
+    assert read_count > 500
+    assert task.info().status is TaskStatus.RUNNING
+
+
 # --- Home and frames --------------------------------------------------------------------------------------------------
 
 

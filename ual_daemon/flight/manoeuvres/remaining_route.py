@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import islice
 
+from ual.geometry import Vector3
 from ual.types import Limits
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.manoeuvres.course import CourseProgress
@@ -45,10 +47,19 @@ class RemainingRoute:
             raise self._geofence.exit_error(self._what, found, snapshot)
 
     def _exit(self) -> Exit | None:
-        if not self._fence.is_inside(self._last):  # whether it comes in, only all of it shows
-            self.is_over = True
-            return self._fence.exit([self._last, *self._points])
+        if not self._fence.is_inside(self._last):
+            return self._fence.exit(self._points_until_inside())
         part = [self._last, *islice(self._points, _POINTS_AT_ONCE)]
         self.is_over = len(part) <= _POINTS_AT_ONCE
         self._last = part[-1]
         return self._fence.exit(part)
+
+    def _points_until_inside(self) -> Iterator[Vector3]:
+        """Yields the points up to the first one inside; all if there is none. After that it must stay in."""
+        yield self._last
+        for point in self._points:
+            self._last = point
+            yield point
+            if self._fence.is_inside(point):
+                return
+        self.is_over = True
