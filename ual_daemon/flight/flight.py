@@ -480,8 +480,8 @@ class Flight:
     def stop_for_lease(self, why: str) -> None:
         """Aborts what is in progress because the lease begins or ends: the UAV holds its position.
 
-        A take-off or a landing goes on, and in a flight that is not UAL's nothing is sent. An arming that has not left
-        yet does not leave any more.
+        A take-off or a landing goes on, and in a flight that is not UAL's nothing is sent. An arming, or a command that
+        takes control back, does not leave any more if it has not left yet.
         """
         snapshot = self._backend.snapshot()
         self._watched.end_callers(TaskAbortedError(why, {"by": "lease"}), snapshot)
@@ -515,7 +515,7 @@ class Flight:
 
     def _ends_with_lease(self, why: str, new: Manoeuvre | None, old: Manoeuvre | None) -> Ending | None:
         self._last_command = LastCommand(self._last_command.number, LEASE)
-        if old is not None and (old.stops_mission or not old.is_replaceable):
+        if old is not None and (old.stops_mission or not (old.is_replaceable or _is_recover_unsent(old))):
             return None
         if not self.authority.is_ours:
             self._unstopped = None if old is None else (old, why)
@@ -795,6 +795,11 @@ def _is_led(manoeuvre: Manoeuvre | None) -> bool:
     if manoeuvre is None or manoeuvre.declares is State.LANDING:
         return False
     return manoeuvre.current_reference() is not None
+
+
+def _is_recover_unsent(manoeuvre: Manoeuvre) -> bool:
+    """Returns whether it is to take control back, and waits until it is known what took the UAV."""
+    return isinstance(manoeuvre, Recover) and manoeuvre.command is not None and not manoeuvre.command.is_sent
 
 
 def _is_task(manoeuvre: Manoeuvre | None, task_id: str) -> bool:

@@ -8,11 +8,12 @@ from typing import Any
 
 import pytest
 
+from tests.snapshots import changed
 from tests.ual_daemon.stepped import STEP_S, UPDATE_S, Stepped, at, stepped
 from ual.errors import LeaseHeldError, LeaseLostError, TaskAbortedError
 from ual.geometry import Twist, TwistStamped, Vector3
 from ual.types import State
-from ual_daemon.backends.values import Setpoint, Snapshot
+from ual_daemon.backends.values import Cause, Setpoint, Snapshot
 from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.settings import VehicleSettings
@@ -214,6 +215,27 @@ def test_a_take_off_and_a_landing_go_on(uav: Stepped, manoeuvre: str) -> None:
     uav.run(0.5)
     uav.vehicle.release_lease(lease_id)
     uav.end(task.future)
+
+
+def test_control_is_not_taken_back_from_the_pilot_by_a_recover_whose_lease_has_ended(
+    uav: Stepped, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """While it is open what took the UAV, the command has not left yet."""
+    uav.fly()
+    lease_id = uav.vehicle.acquire_lease("survey", "local", lasts_s=LONG_S)
+    uav.sim.pilot_take_over()
+    uav.run(0.5)
+    backend, step, open_ = uav.vehicle.backend, uav.vehicle._flight.step, {"held_by": Cause.OPEN}
+    snapshot = backend.snapshot
+    monkeypatch.setattr(backend, "snapshot", lambda: changed(snapshot(), **open_))
+    monkeypatch.setattr(uav.vehicle._flight, "step", lambda found: step(changed(found, **open_)))
+    recovered = uav.vehicle.commands.recover_from_manual(lease_id).begin()
+    uav.run(0.2)
+    uav.vehicle.release_lease(lease_id)
+    open_.clear()
+    uav.run(2.0)
+    assert uav.state is State.FLYING_MANUAL
+    assert isinstance(recovered.exception(0), TaskAbortedError)
 
 
 def test_a_take_off_that_waits_for_the_arming_does_not_begin_without_its_owner(uav: Stepped) -> None:
