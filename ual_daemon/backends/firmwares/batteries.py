@@ -29,9 +29,17 @@ class Batteries:
         if battery.id not in self._known and len(self._known) >= MOST_BATTERIES:
             return
         self._known[battery.id], self._reported_s[battery.id] = battery, now_s
-        for each in [each for each, reported_s in self._reported_s.items() if now_s - reported_s > BATTERY_SILENCE_S]:
-            del self._known[each], self._reported_s[each]
+        self.drop_silent(now_s)
         self.all = tuple(self._known[each] for each in sorted(self._known))
+
+    def drop_silent(self, now_s: float) -> bool:
+        """Drops those that are not reported any more; to be called also while none is. Returns whether any was."""
+        silent = [each for each, reported_s in self._reported_s.items() if now_s - reported_s > BATTERY_SILENCE_S]
+        for each in silent:
+            del self._known[each], self._reported_s[each]
+        if silent:
+            self.all = tuple(self._known[each] for each in sorted(self._known))
+        return bool(silent)
 
     @property
     def are_several(self) -> bool:

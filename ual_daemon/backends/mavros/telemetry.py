@@ -280,6 +280,8 @@ class MavrosTelemetry:
         self.is_ready_to_arm = bool(health & Sensor.PREARM_CHECK)
         self._has_rangefinder = bool(enabled & Sensor.LASER_POSITION)
         self.fence.set_enabled(bool(enabled & Sensor.GEOFENCE))
+        if self._batteries.drop_silent(now_s):
+            self._battery = self._batteries.decisive()
         if not self.counts[topics.ESTIMATOR_STATUS]:  # ArduPilot does not send it: its poses come while they are good
             is_ill = present & Sensor.AHRS and not health & Sensor.AHRS
             self._estimator.set(_NO_AHRS if is_ill else _GOOD, now_s)

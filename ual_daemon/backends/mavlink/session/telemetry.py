@@ -403,7 +403,7 @@ class AutopilotTelemetry:
             if self.plausibility.accepts_geoid_separation(separation_m):
                 self._geoid_separation_m = separation_m
 
-    def _on_sys_status(self, message: Message, _now_s: float, _: float) -> None:
+    def _on_sys_status(self, message: Message, now_s: float, _: float) -> None:
         is_known = bool(self._dialect.capabilities)  # PX4 has the bit only among the healthy ones
         present = message.onboard_control_sensors_present & mavlink.MAV_SYS_STATUS_PREARM_CHECK
         self.reports_readiness = is_known or bool(present)
@@ -413,6 +413,7 @@ class AutopilotTelemetry:
         )
         self.fence.set_enabled(bool(message.onboard_control_sensors_enabled & mavlink.MAV_SYS_STATUS_GEOFENCE))
         found = battery(message)
+        self._batteries.drop_silent(now_s)
         is_it = not self._batteries.are_several  # else it is of the first, or of all together
         if is_it and (found is None or self.plausibility.accepts_battery(found)):
             self._battery = found

@@ -249,6 +249,17 @@ def test_of_several_batteries_the_emptiest_counts_and_all_are_reported() -> None
     assert [(each.id, each.remaining_percent) for each in condition.batteries] == [(0, 80.0), (1, 40.0), (2, 5.0)]
 
 
+def test_batteries_of_which_nothing_comes_any_more_are_gone() -> None:
+    """The charge of a minute before was told, while the system's status had a lower one."""
+    harness = Harness()
+    harness.receive(heartbeat(), reported_battery(0, 80), reported_battery(1, 85))
+    for _ in range(25):
+        harness.run(1.0, step_s=0.5)
+        harness.receive(heartbeat(), _charge(10))
+    condition = harness.snapshot().condition
+    assert (condition.battery.remaining_percent, condition.batteries) == (10.0, ())
+
+
 def test_battery_gps_and_positions_are_reported_in_our_units() -> None:
     harness = Harness()
     harness.receive(
