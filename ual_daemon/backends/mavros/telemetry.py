@@ -234,7 +234,7 @@ class MavrosTelemetry:
             ),
             earth=EarthReference(
                 projection=self.origin.projection,
-                home_geo=None if home is None else _geo_point(home["geo"]),
+                home_geo=None if home is None else _home_point(home["geo"]),
                 home_altitude_amsl_m=None if home is None else self._geoid.amsl_m(number(home["geo"]["altitude"])),
                 geoid_separation_m=self._geoid.separation_m,
             ),
@@ -458,6 +458,11 @@ class MavrosTelemetry:
 
 def _geo_point(message: Message) -> GeoPoint:
     return GeoPoint(number(message["latitude"]), number(message["longitude"]))
+
+
+def _home_point(message: Message) -> GeoPoint | None:
+    """Returns the place of home; None where it is not known: an autopilot may say zeros before its first fix."""
+    return _geo_point(message) if any(message[name] for name in ("latitude", "longitude")) else None
 
 
 def _milliseconds(message: Message) -> int:
