@@ -260,13 +260,15 @@ class DjiTelemetry:
         self._has_rc = bool(message["air_or_ground_disconnected"])
 
     def on_battery(self, message: Message, _: float) -> None:
-        """Takes the battery; its current is negative while it discharges."""
+        """Takes the battery; its current is negative while it discharges. What it has not measured is no number."""
         scale = self.wrapper
-        self._battery = Battery(
-            number(message["percentage"]) * scale.battery_scale * 100.0,
-            number(message["voltage"]) * scale.volt_scale,
-            -number(message["current"]) * scale.volt_scale,
+        found = Battery(
+            _known(number(message["percentage"]) * scale.battery_scale * 100.0),
+            _known(number(message["voltage"]) * scale.volt_scale),
+            _known(-number(message["current"]) * scale.volt_scale),
         )
+        if self._plausibility.accepts_battery(found):
+            self._battery = None if found == Battery() else found
 
     def on_height(self, message: Message, now_s: float) -> None:
         """Takes the height above the ground, or above where it took off."""
@@ -508,6 +510,10 @@ _GRANT_SHOWS_S = 0.3
 _SKEW_S = 0.1
 """Messages of one moment come within this time."""
 _OF_STATE = frozenset(("on_flight_status", "on_display_mode", "on_control_mode"))
+
+
+def _known(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def _mode(display: Sample[int] | None, device: Sample[int] | None) -> Sample[Mode] | None:

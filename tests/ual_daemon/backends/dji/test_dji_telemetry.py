@@ -10,6 +10,7 @@ import pytest
 from typing_extensions import override
 
 from ual.geometry import Vector3
+from ual.types import Battery
 from ual_daemon.backends.dji import modes
 from ual_daemon.backends.dji.settings import DjiSettings
 from ual_daemon.backends.dji.telemetry import DjiTelemetry
@@ -207,3 +208,11 @@ def test_what_the_wrapper_logs_as_fatal_is_severe(message: Message, is_severe: b
     telemetry.note_severity(message, "the SDK has failed", NOW_S)
     found = telemetry.snapshot(NOW_S).condition.severe_texts
     assert [each.text for each in found] == ["the SDK has failed"] * is_severe
+
+
+def test_what_the_battery_has_not_measured_is_not_told() -> None:
+    """NaN was told as a charge, and 300 %."""
+    unmeasured: Message = {"percentage": None, "voltage": None, "current": None}
+    assert reported(on_battery=unmeasured).condition.battery is None
+    assert reported(on_battery={**unmeasured, "percentage": 300.0}).condition.battery is None
+    assert reported(on_battery={**unmeasured, "percentage": 80.0}).condition.battery == Battery(80.0)
