@@ -148,7 +148,7 @@ class AirsimReport(msgspec.Struct, frozen=True):
         it is disarmed in the air. So the forces tell: what stands still with less thrust than its weight is carried.
         """
         motion = self.state.kinematics_estimated
-        if motion.linear_velocity.norm() > _STILL_M_S or motion.linear_acceleration.norm() > _STILL_M_S2:
-            return False
+        if not (motion.linear_velocity.norm() <= _STILL_M_S and motion.linear_acceleration.norm() <= _STILL_M_S2):
+            return False  # NaN, too
         thrust_n = sum(rotor.thrust for rotor in self.rotors.rotors)
         return not self.is_flying or thrust_n < _SUPPORTED_THRUST_SHARE * mass_kg * _STANDARD_GRAVITY_M_S2

@@ -5,6 +5,7 @@ threads.
 from __future__ import annotations
 
 import logging
+import math
 
 import pytest
 
@@ -23,7 +24,7 @@ from ual_daemon.backends.airsim.state import (
     Vector,
 )
 from ual_daemon.backends.base import BackendOptions
-from ual_daemon.backends.values import Snapshot
+from ual_daemon.backends.values import LandedState, Snapshot
 
 LEVEL = Rotation(1.0, 0.0, 0.0, 0.0)
 
@@ -51,6 +52,18 @@ def test_an_orientation_of_all_zeros_is_no_pose(backend: AirsimBackend) -> None:
     assert session._snapshot.motion.pose is not None
     session._on_report(report(Rotation(0.0, 0.0, 0.0, 0.0)))
     assert session._snapshot.motion.pose is None
+
+
+def test_a_motion_that_is_no_number_shows_no_ground(backend: AirsimBackend) -> None:
+    """The physics of AirSim may end in NaN after a collision. It counted as landed."""
+    nan = math.nan
+    motion = Kinematics(Vector(), Rotation(nan, nan, nan, nan), Vector(nan, nan, nan), Vector(), Vector(nan, nan, nan))
+    state = MultirotorState(motion, 1000, 1, RemoteControl(False))
+    falling = AirsimReport(state, Rotors([Rotor(0.0, 500.0)] * 4), has_api_control=True, collision=Collision())
+    backend._session._on_report(falling)
+    landed = backend._session._snapshot.control.landed
+    assert landed is not None
+    assert landed.value is not LandedState.ON_GROUND
 
 
 def test_the_link_survives_what_nobody_expects(
