@@ -192,7 +192,7 @@ class GimbalProtocol(Protocol):
             elif link is not None:
                 link.on_status(message, now_s)
             else:  # it manages one that has not identified itself
-                self._ask(source.component_id, now_s)
+                self._ask(source.component_id, now_s, is_manager=True)
 
     def _on_attitude(self, source: MessageSource, message: Message, now_s: float) -> None:
         for each in self.found:
@@ -254,8 +254,10 @@ class GimbalProtocol(Protocol):
 
     # --- What is requested --------------------------------------------------------------------------------------------
 
-    def _ask(self, component_id: int, now_s: float) -> None:
-        """Asks a component what it manages, from time to time, until it has reported so."""
+    def _ask(self, component_id: int, now_s: float, *, is_manager: bool = False) -> None:
+        """Asks a component what it manages, from time to time, until it has reported so. `is_manager`: it has shown that
+        it manages one.
+        """
         target = self._target
         known = [each for each in self.found if each.manager.component_id == component_id]
         if known and all(each.is_identified for each in known):
@@ -265,7 +267,8 @@ class GimbalProtocol(Protocol):
             return
         questions = self._questions.setdefault(component_id, _GimbalQuestions(0, now_s + FIRST_REQUEST_S))
         most_count = AUTOPILOT_ASKS_COUNT if component_id == target.component_id else ASKS_COUNT
-        if now_s < questions.next_s or questions.asks_count >= most_count or not self._may_ask(component_id):
+        may_ask = is_manager or self._may_ask(component_id)
+        if now_s < questions.next_s or questions.asks_count >= most_count or not may_ask:
             return
         self._questions[component_id] = _GimbalQuestions(questions.asks_count + 1, now_s + ASK_S)
         self._request(MessageSource(target.system_id, component_id), request_message(_INFORMATION), now_s)

@@ -75,6 +75,14 @@ def test_a_px4_that_says_that_it_manages_none_is_not_queried() -> None:
     assert bench.requests == []
 
 
+def test_a_px4_that_sends_the_status_of_a_manager_is_queried() -> None:
+    """Its version says that it manages gimbals with MNT_MODE_IN 4, and not with 0 (automatic)."""
+    bench = Bench(AUTOPILOT, Px4())
+    bench.gimbals._means = bench.gimbals._means._replace(says_manager=lambda: False)
+    bench.manager.streamed[mavlink.MAVLINK_MSG_ID_GIMBAL_MANAGER_STATUS] = 0.5
+    assert bench.found().manager == AUTOPILOT
+
+
 def test_one_that_has_none_is_queried_three_times() -> None:
     bench = Bench(AUTOPILOT)
     bench.manager.is_there = False
