@@ -255,8 +255,8 @@ class GimbalProtocol(Protocol):
     # --- What is requested --------------------------------------------------------------------------------------------
 
     def _ask(self, component_id: int, now_s: float, *, is_manager: bool = False) -> None:
-        """Asks a component what it manages, from time to time, until it has reported so. `is_manager`: it has shown that
-        it manages one.
+        """Asks a component what it manages, from time to time, until it has reported so. `is_manager`: it has shown
+        that it manages one.
         """
         target = self._target
         known = [each for each in self.found if each.manager.component_id == component_id]
