@@ -210,7 +210,7 @@ def test_what_the_wrapper_logs_as_fatal_is_severe(message: Message, is_severe: b
     assert [each.text for each in found] == ["the SDK has failed"] * is_severe
 
 
-def test_what_the_battery_has_not_measured_is_not_told() -> None:
+def test_what_the_battery_has_not_measured_is_not_reported() -> None:
     """NaN was told as a charge, and 300 %."""
     unmeasured: Message = {"percentage": None, "voltage": None, "current": None}
     assert reported(on_battery=unmeasured).condition.battery is None

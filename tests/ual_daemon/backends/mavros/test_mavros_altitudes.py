@@ -78,7 +78,7 @@ def test_a_position_at_no_altitude_is_none(lab: Lab) -> None:
     assert lab.telemetry.snapshot(0.0).motion.position_geo is None
 
 
-def test_a_home_at_latitude_and_longitude_0_has_no_known_place(lab: Lab) -> None:
+def test_a_home_at_latitude_and_longitude_0_is_not_on_earth(lab: Lab) -> None:
     lab.take(topics.HOME, {"geo": {"latitude": 0.0, "longitude": 0.0, "altitude": 546.0}})
     earth = lab.telemetry.snapshot(0.0).earth
     assert earth.home_geo is None
