@@ -55,12 +55,18 @@ def _ours(rig: Rig, plan: Plan, faults: Befalling) -> None:
 
 
 def _pilot_arms(rig: Rig) -> None:
-    rig.note("arm")
     try:
-        rig.pilot.arm()
+        _arm(rig)
         rig.wait_for(lambda: rig.state() == "LANDED_ARMED" or not rig.pilot.is_armed, "LANDED_ARMED", _ARMED_S)
     except Exception as error:
         raise AssertionError(f"the pilot could not arm: {error}") from error
+
+
+def _arm(rig: Rig) -> None:
+    """The pilot tries until it is armed: after a failure of the satellites that takes a while."""
+    rig.note("arm")
+    rig.pilot.arm()
+    rig.note("armed")
 
 
 def _do(rig: Rig, step: Step, faults: Befalling) -> bool:
@@ -110,9 +116,8 @@ def _wait_until_calm(rig: Rig, faults: Befalling) -> None:
 
 def _foreign(rig: Rig, plan: Plan, faults: Befalling) -> None:
     """A ground station's flight: no client commands anything, and the daemon must send nothing."""
-    rig.note("arm")
     rig.note("fly")
-    rig.pilot.arm()
+    _arm(rig)
     is_px4 = rig.options.autopilot == "px4"
     if is_px4:
         take_mode(rig, 4.0, 2.0)

@@ -290,7 +290,12 @@ def lyings(case: Case) -> Iterator[Located]:
 
 
 def _is_armed_by_somebody(record: Record, time_s: float) -> bool:
-    if any(order.what == "arm" and 0.0 <= time_s - order.time_s < _ARMED_S for order in record.orders):
+    orders = [order for order in record.orders if order.what in ("arm", "armed")]
+    before = [order for order in orders if order.time_s <= time_s]
+    if any(order.what == "arm" and time_s - order.time_s < _ARMED_S for order in before):
+        return True
+    after = orders[len(before) :]
+    if before and after and (before[-1].what, after[0].what) == ("arm", "armed"):  # its pilot has tried for so long
         return True
     return any(call.name == "arm" and call.began_s <= time_s <= until_s(call) + _ARMED_S for call in record.called)
 

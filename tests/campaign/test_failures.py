@@ -183,6 +183,19 @@ def test_who_was_armed_by_nobody_is_found() -> None:
     assert rules(record) == set()
 
 
+def test_a_pilot_who_tries_for_long_has_armed_it() -> None:
+    """Campaign, 15000108: ArduCopter refused it for 9 s, as its satellites had jumped in the flight before."""
+    record = clean()
+    [order] = [order for order in record.orders if order.what == "arm"]
+    record.orders[record.orders.index(order)] = dataclasses.replace(order, time_s=order.time_s - 20.0)
+    assert rules(record) == {"nothing flies"}
+    record.orders.append(dataclasses.replace(order, what="armed", time_s=order.time_s + 3.0))
+    record.orders.sort(key=lambda each: each.time_s)
+    assert rules(record) == set()
+    record.orders.insert(1, dataclasses.replace(order, what="armed", time_s=order.time_s - 10.0))
+    assert rules(record) == {"nothing flies"}
+
+
 def test_what_lifts_off_again_after_a_fall_is_found() -> None:
     """Its motors work again after 5 s, and it climbs back by itself."""
     record = falling(clean())
