@@ -30,12 +30,15 @@ _FORMATS = {
 class ParameterCodec(ABC):
     """One of the two ways."""
 
-    def decode(self, field: float, type_number: int) -> tuple[float, ParameterType] | None:
-        """Returns the value and the type; None for a type that UAL does not know, or a value that it cannot have."""
+    def decode(self, field: float, type_number: int, came: bytes = b"") -> tuple[float, ParameterType] | None:
+        """Returns the value and the type; None for a type that UAL does not know, or a value that it cannot have.
+
+        `came` are the field's bytes, where they came: as a float some integers change (a signalling NaN).
+        """
         kind = _TYPES.get(type_number)
         if kind is None:
             return None
-        value = self._value(field, kind)
+        value = self._value(field, kind, came)
         least, largest = kind.limits
         return None if kind.is_whole and not least <= value <= largest else (value, kind)
 
@@ -59,7 +62,7 @@ class ParameterCodec(ABC):
         return field
 
     @abstractmethod
-    def _value(self, field: float, kind: ParameterType) -> float: ...
+    def _value(self, field: float, kind: ParameterType, came: bytes) -> float: ...
 
     @abstractmethod
     def _field(self, value: float, kind: ParameterType) -> float: ...
@@ -69,8 +72,8 @@ class ByteWise(ParameterCodec):
     """PX4: the bytes of the value. Some integers below -4,194,304 look like a signalling NaN, and cannot be sent."""
 
     @override
-    def _value(self, field: float, kind: ParameterType) -> float:
-        value: float = struct.unpack(_FORMATS[kind], struct.pack("<f", field))[0]
+    def _value(self, field: float, kind: ParameterType, came: bytes) -> float:
+        value: float = struct.unpack(_FORMATS[kind], came or struct.pack("<f", field))[0]
         return value
 
     @override
@@ -83,7 +86,7 @@ class Cast(ParameterCodec):
     """ArduPilot: the number. Integers beyond 2^24 cannot all be sent."""
 
     @override
-    def _value(self, field: float, kind: ParameterType) -> float:
+    def _value(self, field: float, kind: ParameterType, came: bytes) -> float:
         return int(field) if kind.is_whole and math.isfinite(field) else field
 
     @override

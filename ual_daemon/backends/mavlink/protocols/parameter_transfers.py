@@ -38,6 +38,8 @@ from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.offers.parameters import Refusal
 
 LONGEST_NAME_CHARACTERS = 16
+_VALUE_BYTES = 4
+"""The value comes first in a PARAM_VALUE."""
 MOST_WAITING_EXCHANGES = 100
 """Exchanges that may wait for their turn."""
 
@@ -181,7 +183,8 @@ class ParameterTransfers(Protocol):
         """Takes a PARAM_VALUE."""
         if self._codec is None or not self._running:
             return
-        value = self._codec.decode(message.param_value, message.param_type)
+        came = getattr(message, "content", b"")[:_VALUE_BYTES]
+        value = self._codec.decode(message.param_value, message.param_type, came)
         received = Received(message.param_id, message.param_index, message.param_count, value)
         for exchange in self._running:
             exchange.on_value(received, now_s)

@@ -140,7 +140,7 @@ class Codec:
         return b"\xfd" + covered + checksum.crc(covered + _TARGET_SEED).to_bytes(2, "little")
 
     def decode(self, frame: MavlinkFrame) -> Message:
-        """Returns the message in a frame; its signature is not checked.
+        """Returns the message in a frame; its signature is not checked. One with texts has its `content` as it came.
 
         Raises:
             CorruptFrameError: The content does not fit the message.
@@ -150,9 +150,11 @@ class Codec:
         if layout is not None:
             return layout.read(frame)
         try:
-            return self._receiver.decode(bytearray(frame.data))
+            message = self._receiver.decode(bytearray(frame.data))
         except mavlink.MAVError as error:
             raise CorruptFrameError(str(error)) from None
+        message.content = frame.payload
+        return message
 
 
 class _Header(NamedTuple):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import random
+import struct
 from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any
@@ -36,6 +37,7 @@ from ual_daemon.backends.mavlink.protocols.parameter_exchanges import (
     TRIES_COUNT,
 )
 from ual_daemon.backends.mavlink.protocols.parameter_transfers import MOST_WAITING_EXCHANGES, ParameterTransfers
+from ual_daemon.backends.mavlink.wire import checksum
 from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
@@ -467,3 +469,14 @@ def test_the_end_of_the_daemon_ends_what_is_in_progress(harness: Harness) -> Non
     future = begin(harness)
     harness.discovery.release()
     assert isinstance(error_of(future), LinkLostError)
+
+
+@pytest.mark.parametrize("value", [-5_000_000, -8_388_607, 2_139_095_041, -1])
+def test_an_integer_whose_bytes_are_those_of_a_signalling_nan_is_read_as_it_is(harness: Harness, value: int) -> None:
+    """Python makes a quiet one of it, as the processor does: -5,000,000 was read as -805,696."""
+    future = begin(harness)
+    told = mavlink.MAVLink_param_value_message(b"X", 1.0, mavlink.MAV_PARAM_TYPE_INT32, 3, 0)
+    frame = harness.pack(told)
+    covered = frame[1:10] + struct.pack("<i", value) + frame[14:-2]
+    harness.receive(data=frame[:1] + covered + checksum.compute(covered, told.crc_extra))
+    assert future.result(0) == Parameter("X", value, INT32)
