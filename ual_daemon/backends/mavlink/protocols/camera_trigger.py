@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from collections import deque
+
 from ual.types import GeoPoint
 from ual_daemon.backends.firmwares.triggered_photos import TriggeredPhotos
 from ual_daemon.backends.mavlink.protocols import camera_values
 from ual_daemon.backends.mavlink.protocols.protocol import Handler
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+
+MOST_KNOWN_REPORTS = 16
+"""Most reports by which one that comes twice is known. Both come within a jitter of the link."""
 
 
 class AutopilotCameraTrigger(TriggeredPhotos):
@@ -17,6 +22,8 @@ class AutopilotCameraTrigger(TriggeredPhotos):
     def __init__(self) -> None:
         super().__init__()
         self._kind: int | None = None
+        self._known: deque[tuple[int, int]] = deque(maxlen=MOST_KNOWN_REPORTS)
+        """Numbers and times of the last reports."""
 
     @property
     def handlers(self) -> dict[int, Handler]:
@@ -33,7 +40,8 @@ class AutopilotCameraTrigger(TriggeredPhotos):
         self._on_kind(message, message.img_idx, position)
 
     def _on_kind(self, message: Message, number: int, position: GeoPoint | None) -> None:
-        kind = message.get_msgId()
-        if self._kind in (None, kind):
+        kind, report = message.get_msgId(), (number, message.time_usec)
+        if self._kind in (None, kind) and not (message.time_usec and report in self._known):
             self._kind = kind
+            self._known.append(report)
             self.on_report(number, camera_values.stamp_us(message.time_usec), position)

@@ -59,6 +59,13 @@ def bench() -> Bench:
     return Bench()
 
 
+def test_a_report_that_comes_twice_counts_once_also_after_the_next_one(bench: Bench) -> None:
+    """Two ways to one vehicle double its messages. The second 5 was another picture, and then the 6 a lost one."""
+    for number in (5, 6, 5, 7):
+        bench.feedback(number, time_us=1_800_000_000_000_000 + number)
+    assert (bench.trigger.photos.count, bench.trigger.missed_count) == (3, 0)
+
+
 def test_a_picture_is_ordered_once_and_ends_with_its_report(bench: Bench) -> None:
     future = bench.camera.take_photo()
     [order] = bench.ordered
