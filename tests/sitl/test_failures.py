@@ -33,7 +33,7 @@ LEFT_S, LANDS_S = 3.0, 10.0
 """Seconds after the fall by which its landing of before is left, and until it is commanded to land, at most: by its
 estimate PX4 may go on falling. A daemon that is killed before leaves it to PX4, which climbs once it can.
 """
-_LED_DOWN = (State.LANDING, State.LANDED_ARMED, State.LANDED_DISARMED)
+_LANDED, _NAV_LAND = (State.LANDED_ARMED, State.LANDED_DISARMED), "command : 21,"
 STAYS_M = 0.6
 """Metres that what lies may rise, by a controller that runs up its motors."""
 NOT_FOLLOWED = "not follow"
@@ -101,7 +101,7 @@ def test_a_fall_is_reported_and_nothing_climbs_when_the_motors_run_again(
                 uav.go_to_waypoint(Pose.at(0.0, 0.0, HEIGHT_M), blocking=False)
             _wait_until(fell_s + LEFT_S)  # the landing that it was in has been left
             if is_restarted:
-                flight.wait_for(lambda: uav.state() in _LED_DOWN, "its landing", LANDS_S)
+                flight.wait_for(lambda: _is_led_down(uav.state(), wiretap, fell_s), "its landing", LANDS_S)
                 daemon.signal(signal.SIGKILL)
                 daemon.wait()
             _wait_until(fell_s + STOPPED_S)
@@ -112,6 +112,11 @@ def test_a_fall_is_reported_and_nothing_climbs_when_the_motors_run_again(
     print(f"{WATCHED_S:.0f} s after the motors ran again at most {max(heights_m):.2f} m up: {states}")
     assert max(heights_m) < STAYS_M, states
     assert [each for each in wiretap.orders(ran_s) if "arm" in str(each)] == []
+
+
+def _is_led_down(state: State, wiretap: Wiretap, fell_s: float) -> bool:
+    """Returns whether it lies, or was commanded to land since its fall: the command leaves after the state is told."""
+    return state in _LANDED or any(_NAV_LAND in each for each in wiretap.orders(fell_s))
 
 
 def _is_reported(told: Telemetry) -> bool:
