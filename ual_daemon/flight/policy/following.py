@@ -97,6 +97,8 @@ _LED_ON_S = 3.0
 _IN_AIR = (State.FLYING_AUTO, State.FLYING_MANUAL, State.TAKING_OFF, State.LANDING)
 _IMPACT_M_S, _IMPACT_S = 3.0, 0.2
 """Descent in m/s that ends within this time at the ground only: 15 m/s^2, by an estimate that smooths it."""
+_SINCE_IMPACT_S = 3.0
+"""Seconds after an impact from which it lies, however it tumbles: motors that run on may turn it over and over."""
 _GROUND_NOISE_M = 1.2
 _UNKNOWN_GROUND_M = 3.0
 
@@ -157,8 +159,8 @@ class Following:
         """Since when, in a landing, the motors are stopped."""
         self._tilted_s = self._astray_s = self._slow_s = math.inf
         self._still_s: float | None = None
-        self._has_hit = False
-        """Whether its fall has ended by an impact."""
+        self._impact_s = math.inf
+        """Time of the impact that has ended its fall; infinity while there was none."""
         self._level_s = math.inf
         """Since when it neither sinks nor climbs; infinity while it does."""
         self._looked_s = self._placed_s = -math.inf
@@ -225,15 +227,16 @@ class Following:
     def is_down(self, height_m: float, *, is_ground_known: bool) -> bool:
         """Returns whether it has fallen, and lies on the ground, by its height over that."""
         has_fallen = self.trouble is not None and self.trouble is not Trouble.ASTRAY
-        near_m = _GROUND_NOISE_M if is_ground_known and not self._has_hit else _UNKNOWN_GROUND_M
+        near_m = _GROUND_NOISE_M if is_ground_known and self._impact_s == math.inf else _UNKNOWN_GROUND_M
         is_level = self._seen_s - self._level_s >= _LEVEL_S
-        return has_fallen and (self.is_still or self.lies or is_level) and height_m < near_m
+        is_at_rest = self.is_still or self.lies or is_level or self._seen_s - self._impact_s >= _SINCE_IMPACT_S
+        return has_fallen and is_at_rest and height_m < near_m
 
     def release(self) -> None:
         """Begins again: somebody has asked for the control, or it lies disarmed. Any thread may call."""
         self._is_released = True
         self.why, self.trouble, self._is_now, self._worst, self.lies = "", None, False, 0.0, False
-        self._has_hit = False
+        self._impact_s = math.inf
 
     def forget(self) -> None:
         """Forgets the motion and the place from before: the estimate has jumped."""
@@ -307,7 +310,7 @@ class Following:
         """Notes that a fall has ended at the ground. After that the estimate of the height may be off by a metre."""
         last = self._recent[-1] if self._recent else None
         if last is not None and now_s - last.time_s <= _IMPACT_S and last.down_m_s - down_m_s >= _IMPACT_M_S:
-            self._has_hit = True
+            self._impact_s = now_s
 
     def _note_blind(self, snapshot: Snapshot) -> None:
         """Notes that it is not known how it moves: once it is known again, it may have fallen meanwhile.

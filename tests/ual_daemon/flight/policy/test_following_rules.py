@@ -207,22 +207,38 @@ def test_what_drifts_along_the_ground_after_its_impact_is_down(climbs_m_s: float
     assert watched.following.is_down(0.1, is_ground_known=True) is is_down
 
 
-@pytest.mark.parametrize(("brakes_m_s2", "has_hit"), [(60.0, True), (12.0, False)])
-def test_a_fall_that_ends_by_an_impact_is_down_where_its_estimate_is_a_metre_off(
-    brakes_m_s2: float, has_hit: bool
-) -> None:
-    """A real PX4 lay still 0.9 m up by its estimate, and was not landed."""
+def fallen(brakes_m_s2: float) -> Watched:
+    """Returns one that has fallen, and has braked so hard."""
     watched = Watched()
     assert watched.fly(1.0) is None
     while watched.autopilot.climb_m_s > -6.0:
         watched.fly(LOOK_S, G_M_S2)
     while watched.autopilot.climb_m_s < 0.0:
         watched.fly(LOOK_S, -min(brakes_m_s2, -watched.autopilot.climb_m_s / LOOK_S))
+    return watched
+
+
+@pytest.mark.parametrize(("brakes_m_s2", "has_hit"), [(60.0, True), (12.0, False)])
+def test_a_fall_that_ends_by_an_impact_is_down_where_its_estimate_is_a_metre_off(
+    brakes_m_s2: float, has_hit: bool
+) -> None:
+    """A real PX4 lay still 0.9 m up by its estimate, and was not landed."""
+    watched = fallen(brakes_m_s2)
     for _ in range(20):
         watched.fly(LOOK_S)
     assert watched.following.is_still
     assert watched.following.is_down(1.0, is_ground_known=True)
     assert watched.following.is_down(2.0, is_ground_known=True) is has_hit
+
+
+def test_what_tumbles_on_the_ground_is_down_a_while_after_its_impact() -> None:
+    watched = fallen(60.0)
+    for is_down in (False, True):
+        for look in range(20):
+            watched.autopilot.time_s += LOOK_S
+            watched.autopilot.climb_m_s = 1.0 if look % 2 else -1.0
+            watched.poll_once()
+        assert watched.following.is_down(1.0, is_ground_known=True) is is_down
 
 
 def test_a_boot_ends_what_was_reported_of_a_fall() -> None:
