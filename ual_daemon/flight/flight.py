@@ -271,6 +271,11 @@ class Flight:
         """Returns the motion in which the next trajectory begins; see `next_start`."""
         return next_start(self._current_reference(), snapshot)
 
+    def start_time_s(self, snapshot: Snapshot) -> float:
+        """Returns the time of that motion, so that what is commanded again and again loses none. To be called after."""
+        current = self._current_reference()
+        return snapshot.time_s if current is None else current.motion_time_s(snapshot)
+
     def brake(self, snapshot: Snapshot) -> Reference:
         """Returns the reference that brings the UAV to rest; see `Stopping.stop`."""
         return self._stopping.stop(self._current_reference(), snapshot)

@@ -66,7 +66,8 @@ class Stopping:
             and not self._leads_out(current, start, snapshot)
         ):
             return StopOnTrajectory(current, self._straight_stop)
-        return brake(snapshot, self._limits.stop(), start)
+        start_s = None if start is None or current is None else current.motion_time_s(snapshot)
+        return brake(snapshot, self._limits.stop(), start, start_s)
 
     def _straight_stop(self, start: Motion, snapshot: Snapshot) -> TrajectoryReference | None:
         """Returns the reference that brakes straight ahead from a motion; None if it would leave the geofence."""

@@ -48,6 +48,10 @@ class Reference:
     def motion(self, snapshot: Snapshot) -> Motion:
         """Returns the motion that it commands now. The next trajectory begins with it, so references never jump."""
 
+    def motion_time_s(self, snapshot: Snapshot) -> float:
+        """Returns the time of that motion: a reference may have moved last at the update before."""
+        return snapshot.time_s
+
     @abstractmethod
     def pose(self) -> Pose | None:
         """Returns the pose that it commands now; None if it commands only a velocity."""
@@ -202,6 +206,10 @@ class TrajectoryReference(Reference):
         return self._time.motion
 
     @override
+    def motion_time_s(self, snapshot: Snapshot) -> float:
+        return self._updated_s
+
+    @override
     def pose(self) -> Pose | None:
         motion = self._time.motion
         known_for, pose = self._posed
@@ -249,6 +257,10 @@ class StopOnTrajectory(Reference):
         return self.followed.motion(snapshot)
 
     @override
+    def motion_time_s(self, snapshot: Snapshot) -> float:
+        return self.followed.motion_time_s(snapshot)
+
+    @override
     def pose(self) -> Pose | None:
         return self.followed.pose()
 
@@ -281,9 +293,12 @@ def measured_motion(snapshot: Snapshot) -> Motion:
     return Motion(pose.position, pose.yaw_rad, twist.linear, yaw_rate_rad_s=twist.angular.z)
 
 
-def brake(snapshot: Snapshot, limits: Limits, start: Motion | None = None) -> TrajectoryReference:
+def brake(
+    snapshot: Snapshot, limits: Limits, start: Motion | None = None, start_s: float | None = None
+) -> TrajectoryReference:
     """Returns the reference that comes to rest from a motion and holds there.
 
-    `start` is the motion that is commanded now; None: the measured motion.
+    `start` is the motion that is commanded, at `start_s` (None: now); None: the measured motion.
     """
-    return TrajectoryReference(Brake(start or measured_motion(snapshot), limits), snapshot.time_s)
+    begin_s = snapshot.time_s if start_s is None else start_s
+    return TrajectoryReference(Brake(start or measured_motion(snapshot), limits), begin_s)

@@ -236,13 +236,13 @@ class Planner:
         relies_on_home: bool,
     ) -> Prepared[VehicleTask]:
         """Prepares the task that follows a course, from the motion that is commanded at a snapshot."""
-        name, trajectory = kind.name.lower(), course.first(snapshot)
+        name, trajectory, start_s = kind.name.lower(), course.first(snapshot), self._flight.start_time_s(snapshot)
         plan = admit(self._flight, name, trajectory, snapshot)
         course.fence = self._flight.geofence.fence(snapshot)
 
         def make(task: VehicleTask) -> Manoeuvre:
             tracker = self._tracker()
-            return FollowTrajectory(name, task, trajectory, self._tolerance, tracker, snapshot.time_s, course)
+            return FollowTrajectory(name, task, trajectory, self._tolerance, tracker, start_s, course)
 
         def onward(task: VehicleTask, now: Snapshot) -> Manoeuvre:
             anew = course.first(now)
@@ -268,6 +268,7 @@ class Planner:
             if not is_ours and (refusal := self._failsafe_refusal(snapshot)):
                 raise refusal
             way = plan_return(self._flight, self._settings, height_m, self._bounds(None), snapshot)
+            start_s = self._flight.start_time_s(snapshot)
 
         def home_by(task: VehicleTask, way: ReturnPlan, planned_s: float) -> Manoeuvre:
             course = ReturnCourse(self._flight, self._settings, height_m, partial(self._bounds, None), way)
@@ -284,7 +285,7 @@ class Planner:
         if not is_ours:
             begin = partial(self._begin_after_recovery, TaskKind.RETURN_TO_LAUNCH, what, onward, order)
             return Prepared(way.plan, begin)
-        make = partial(home_by, way=way, planned_s=snapshot.time_s)
+        make = partial(home_by, way=way, planned_s=start_s)
         kind = TaskKind.RETURN_TO_LAUNCH
         return self._prepared(kind, what, way.trajectory, way.plan, make, order, relies_on_home=True)
 

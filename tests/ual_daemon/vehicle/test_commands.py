@@ -579,6 +579,7 @@ def test_a_command_that_comes_while_waypoints_are_read_is_newer_than_the_path(
 def test_a_go_to_that_replaces_another_at_once_begins_with_its_reference() -> None:
     with stepped(light={"response_s": 1.0}) as uav:  # the UAV lags
         uav.fly()
+        uav.update_each_step()
         uav.prepare.go_to_waypoint(at(10.0, 0.0, 3.0)).begin()
         uav.run(0.7)
         before = uav.vehicle.telemetry().reference_pose

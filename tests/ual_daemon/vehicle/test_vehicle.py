@@ -378,6 +378,25 @@ def test_a_reference_replaces_a_task(flying: Stepped) -> None:
     assert task.info().status is TaskStatus.ABORTED
 
 
+@pytest.mark.parametrize("command", ["go_to_waypoint", "abort"])
+def test_what_is_commanded_again_between_all_updates_takes_no_longer(flying: Stepped, command: str) -> None:
+    """Each begins with the motion of the update before, and so at that time."""
+    passed_s = []
+    for is_again in (False, True):
+        flying.end(flying.prepare.go_to_waypoint(at(0, 0, 3)).begin().future)
+        flying.prepare.go_to_waypoint(at(20, 0, 3)).begin()
+        flying.until(lambda: flying.speed > 1.5)
+        passed_s.append(0.0)
+        while not (flying.pose.position.x > 19.5 or flying.speed < 0.1):
+            if command == "abort" and (is_again or passed_s[-1] == 0.0):
+                flying.vehicle.commands.abort()
+            elif is_again:
+                flying.prepare.go_to_waypoint(at(20, 0, 3)).begin()
+            flying.run(STEP_S)
+            passed_s[-1] += STEP_S
+    assert passed_s[1] == pytest.approx(passed_s[0], abs=3 * UPDATE_S)
+
+
 def test_abort_brakes_and_freeze_returns_to_the_position_of_the_abort(flying: Stepped) -> None:
     for freeze in (False, True):
         flying.end(flying.prepare.go_to_waypoint(at(0, 0, 3)).begin().future)

@@ -249,7 +249,8 @@ class FollowTrajectory(Manoeuvre):
         before, trajectory = self._way, onward.trajectory
         flown_m = before.flown_m + before.trajectory.length_m - before.trajectory.length_left_m(flown.time_s)
         self._way = self._followed(trajectory, flown_m, before.first_waypoint + onward.passed_count)
-        self._reference = self._tracker(trajectory, snapshot.time_s, self._tolerance)
+        begin_s = snapshot.time_s if self._reference is None else self._reference.motion_time_s(snapshot)
+        self._reference = self._tracker(trajectory, begin_s, self._tolerance)
         self._longest_s = self._spent_s + _longest_s(trajectory)
         self._outline, self._watched_s, self._rest = None, -math.inf, None
         self._headway.restart()
