@@ -54,7 +54,8 @@ class Stopping:
 
         It begins with the motion of the current reference, except where that is only a pose. The UAV may be anywhere on
         its way there, so it then begins with the measured motion. It brakes straight ahead, or along the current
-        trajectory where only straight ahead would leave the geofence. A stop may follow another one.
+        trajectory, or at the current pose, where only straight ahead would leave the geofence. A stop may follow
+        another one.
         """
         if isinstance(current, StopOnTrajectory):
             current = current.followed
@@ -67,7 +68,20 @@ class Stopping:
         ):
             return StopOnTrajectory(current, self._straight_stop)
         start_s = None if start is None or current is None else current.motion_time_s(snapshot)
-        return brake(snapshot, self._limits.stop(), start, start_s)
+        stop = brake(snapshot, self._limits.stop(), start, start_s)
+        return current if isinstance(current, Hold) and self._rests_sooner(current, stop, snapshot) else stop
+
+    def _rests_sooner(self, hold: Hold, stop: TrajectoryReference, snapshot: Snapshot) -> bool:
+        """Returns whether the UAV comes to rest at a pose inside the geofence, on less of a way than straight ahead,
+        and there it would leave the geofence: an autopilot approaches a pose with more deceleration than UAL may use.
+        """
+        here = measured_motion(snapshot).position
+        is_near = (hold.position - here).norm() < stop.trajectory.length_m
+        return (
+            is_near
+            and self._leaves_geofence(stop.trajectory, snapshot)
+            and self._geofence.fence(snapshot).exit((here, hold.position)) is None
+        )
 
     def _straight_stop(self, start: Motion, snapshot: Snapshot) -> TrajectoryReference | None:
         """Returns the reference that brakes straight ahead from a motion; None if it would leave the geofence."""

@@ -13,7 +13,7 @@ from ual.errors import GeofenceError
 from ual.geometry import Twist, TwistStamped, Vector3
 from ual.types import State
 from ual_daemon.frames.fence import Fence
-from ual_daemon.settings import GeofenceSettings, VehicleSettings
+from ual_daemon.settings import GeofenceSettings, LimitSettings, VehicleSettings
 
 # An L: the square from -10 to 10 without its upper right quarter.
 L_SHAPE = ((-10.0, -10.0), (10.0, -10.0), (10.0, 0.0), (0.0, 0.0), (0.0, 10.0), (-10.0, 10.0))
@@ -199,6 +199,30 @@ def test_an_abort_before_a_corner_at_the_edge_comes_to_rest_along_the_path(
         assert uav.speed < 0.05
         assert uav.pose.position.x < 90.0  # before the end of the path
         uav.end(uav.prepare.go_to_waypoint(at(0.0, 5.0, 3.0)).begin().future)
+
+
+def test_an_abort_of_a_pose_near_the_edge_comes_to_rest_there_where_it_would_brake_outside() -> None:
+    """An autopilot approaches a pose with more deceleration than UAL may use."""
+    fence = GeofenceSettings(polygon=((-10.0, -20.0), (60.5, -20.0), (60.5, 20.0), (-10.0, 20.0)))
+    settings = VehicleSettings(geofence=fence, limits=LimitSettings(horizontal_acceleration_m_s2=2.0))
+    light = {"horizontal_speed_m_s": 8.0, "horizontal_acceleration_m_s2": 8.0}
+    with stepped(settings, light=light) as uav:
+        uav.fly()
+        uav.vehicle.commands.setpoints.set_pose(at(60.0, 0.0, 3.0))
+        uav.until(lambda: uav.pose.position.x > 55.0)
+        uav.vehicle.commands.abort()
+        furthest = 0.0
+        for _ in range(round(8.0 / STEP_S)):
+            uav.run(STEP_S)
+            furthest = max(furthest, uav.pose.position.x)
+        assert furthest < 60.5
+        assert uav.speed < 0.05
+        # Elsewhere, and to the side, it stops ahead as ever.
+        uav.vehicle.commands.setpoints.set_pose(at(0.0, 0.0, 3.0))
+        uav.until(lambda: uav.speed > 7.5)
+        uav.vehicle.commands.abort()
+        uav.run(8.0)
+        assert uav.pose.position.x > 20.0
 
 
 def test_climbing_and_descending_stop_at_the_heights(flying: Stepped) -> None:
