@@ -12,6 +12,7 @@ from tests.ual_daemon.stepped import STEP_S, Stepped, at, stepped
 from ual.errors import GeofenceError
 from ual.geometry import Twist, TwistStamped, Vector3
 from ual.types import State
+from ual_daemon.flight.policy.jumps import EstimateJump
 from ual_daemon.frames.fence import Fence
 from ual_daemon.settings import GeofenceSettings, LimitSettings, VehicleSettings
 
@@ -162,19 +163,37 @@ def test_the_uav_does_not_leave_by_its_momentum_when_its_velocity_changes_to_one
         assert furthest <= 60.1
 
 
+def nothing(uav: Stepped) -> None:
+    """Nothing follows."""
+
+
+def abort(uav: Stepped) -> None:
+    uav.vehicle.commands.abort()
+
+
+def turn_estimate(uav: Stepped) -> None:
+    uav.vehicle._flight.estimate_jumped(EstimateJump(yaw_rad=0.5), uav.vehicle.backend.snapshot())
+
+
+def pass_time_limit(uav: Stepped) -> None:
+    uav.vehicle._flight.manoeuvre._longest_s = 0.0  # type: ignore[union-attr]
+
+
 @pytest.mark.parametrize(
-    ("flown_m", "again"),
+    ("flown_m", "stop", "again"),
     [
-        (44.0, None),
-        (50.0, None),
-        (56.0, None),
-        (50.0, lambda uav: uav.vehicle.commands.abort()),
-        (50.0, lambda uav: uav.vehicle.release_lease(uav.vehicle.acquire_lease("another", ""))),
+        (44.0, abort, nothing),
+        (50.0, abort, nothing),
+        (56.0, abort, nothing),
+        (50.0, abort, abort),
+        (50.0, abort, lambda uav: uav.vehicle.release_lease(uav.vehicle.acquire_lease("another", ""))),
+        (50.0, turn_estimate, nothing),
+        (50.0, pass_time_limit, nothing),
     ],
-    ids=["early", "in the middle", "late", "aborted twice", "a lease begins and ends then"],
+    ids=["early", "in the middle", "late", "aborted twice", "then a lease", "the heading jumps", "the time limit"],
 )
-def test_an_abort_before_a_corner_at_the_edge_comes_to_rest_along_the_path(
-    flown_m: float, again: Callable[[Stepped], object] | None
+def test_a_stop_before_a_corner_at_the_edge_comes_to_rest_along_the_path(
+    flown_m: float, stop: Callable[[Stepped], object], again: Callable[[Stepped], object]
 ) -> None:
     """A corner of 30 degrees at 10 m/s: straight ahead, it would brake outside."""
     slope = math.tan(math.radians(30.0))
@@ -186,10 +205,9 @@ def test_an_abort_before_a_corner_at_the_edge_comes_to_rest_along_the_path(
         path = [at(60.0, 0.0, 3.0), at(100.0, 40.0 * slope, 3.0)]
         uav.prepare.follow_path(path, corner_radius_m=30.0).begin()
         uav.until(lambda: uav.pose.position.x >= flown_m)
-        uav.vehicle.commands.abort()
-        if again is not None:
-            uav.run(0.2)
-            again(uav)
+        stop(uav)
+        uav.run(0.2)
+        again(uav)
         for _ in range(round(8.0 / STEP_S)):
             uav.run(STEP_S)
             reference = uav.vehicle.telemetry().reference_pose

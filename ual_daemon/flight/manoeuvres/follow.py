@@ -132,12 +132,11 @@ class FollowTrajectory(Manoeuvre):
         if reference.is_finished and arrival.has_arrived(snapshot):
             return Step(setpoint, has_ended=True, next_reference=self._way.hold)
         if self._spent_s > self._longest_s:
-            return failed(
-                UalTimeoutError(
-                    f"{self.name}: not there after {self._longest_s:.0f} s: {arrival.error_text()}",
-                    {"state": estimate.state.name},
-                )
+            late = UalTimeoutError(
+                f"{self.name}: not there after {self._longest_s:.0f} s: {arrival.error_text()}",
+                {"state": estimate.state.name},
             )
+            return Step(has_ended=True, error=late, is_to_stop=True)
         stuck_s = self._stuck_s(reference, snapshot)
         if not stuck_s:
             return Step(setpoint)
