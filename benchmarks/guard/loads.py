@@ -8,6 +8,7 @@ runs under callgrind (`benchmarks.guard.callgrind`). Nothing here waits, and not
 from __future__ import annotations
 
 import asyncio
+import itertools
 import logging
 import os
 import sys
@@ -16,6 +17,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
+from unittest.mock import patch
 
 from benchmarks.guard import defects
 from benchmarks.guard.callgrind import Counter
@@ -26,6 +28,8 @@ from tests.work.served import Served, served
 from ual.geometry import Twist, Vector3
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.light import LightBackend
+from ual_daemon.server import calls
+from ual_daemon.server.standstill import Standstill
 from ual_daemon.server.telemetry_stream import Updates
 from ual_daemon.vehicle.vehicle import Vehicle
 
@@ -80,7 +84,9 @@ def _run(flight: ReplayedFlight, _: int) -> None:
 def behind_server(counter: Counter) -> None:
     """A setpoint and a sample behind the server: alone, and with access, a recording, an audit and a second reader."""
     for text, has_all in (("", False), (", with everything", True)):
-        with tempfile.TemporaryDirectory() as name:
+        # callgrind on a busy computer is no standstill of a daemon
+        still = patch.object(calls, "Standstill", partial(Standstill, itertools.repeat(0.0).__next__))
+        with tempfile.TemporaryDirectory() as name, still:
             served(partial(_count_served, counter, text), Path(name), has_all=has_all)
 
 
