@@ -365,8 +365,9 @@ class LightBackend(Backend):
 
     def _is_step_needed(self) -> bool:
         """Returns whether the next step needs an update although the conditions have not changed."""
-        has_work = self._faults.any_active or self._late_acks or self._cameras.is_busy
-        return self.is_update_needed() or self._is_faulty or bool(has_work)
+        if self.is_update_needed() or self._is_faulty:  # first: the rest costs calls
+            return True
+        return self._faults.any_active or bool(self._late_acks) or self._cameras.is_busy
 
     def _camera_moment(self) -> CameraMoment:
         """Returns what its cameras see from, and what the autopilot says at the same step."""
