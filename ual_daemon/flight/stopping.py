@@ -72,8 +72,9 @@ class Stopping:
         return current if isinstance(current, Hold) and self._rests_sooner(current, stop, snapshot) else stop
 
     def _rests_sooner(self, hold: Hold, stop: TrajectoryReference, snapshot: Snapshot) -> bool:
-        """Returns whether the UAV comes to rest at a pose inside the geofence, on less of a way than straight ahead,
-        and there it would leave the geofence: an autopilot approaches a pose with more deceleration than UAL may use.
+        """Returns whether the UAV rests sooner at a pose inside the geofence than straight ahead, outside of it.
+
+        An autopilot approaches a pose with more deceleration than UAL may use.
         """
         here = measured_motion(snapshot).position
         is_near = (hold.position - here).norm() < stop.trajectory.length_m

@@ -235,7 +235,7 @@ def test_an_abort_of_a_pose_near_the_edge_comes_to_rest_there_where_it_would_bra
             furthest = max(furthest, uav.pose.position.x)
         assert furthest < 60.5
         assert uav.speed < 0.05
-        # Elsewhere, and to the side, it stops ahead as ever.
+        # Elsewhere, and to the side, it stops straight ahead.
         uav.vehicle.commands.setpoints.set_pose(at(0.0, 0.0, 3.0))
         uav.until(lambda: uav.speed > 7.5)
         uav.vehicle.commands.abort()

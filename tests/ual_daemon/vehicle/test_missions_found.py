@@ -42,6 +42,9 @@ class Offer:
             return done(self.kept)
         return futures.failed(UalTimeoutError("busy with another station"))
 
+    def report(self) -> None:
+        """Nothing is reported of it."""
+
 
 class Restarted:
     """A daemon that was restarted while the autopilot flew its mission."""
