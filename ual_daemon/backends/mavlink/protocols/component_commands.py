@@ -34,7 +34,6 @@ class ComponentCommands(Protocol):
 
     def __init__(self, send: Callable[[Message], object]) -> None:
         self.is_waiting = False
-        """Whether `tick` has something to do: no call, as that is asked at each step of a flight."""
         self._send = send
         self._target: MessageSource | None = None
         self._heard_s: dict[int, float] = {}

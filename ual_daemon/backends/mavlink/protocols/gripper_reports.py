@@ -35,7 +35,6 @@ class GripperReports(Protocol):
     def __init__(self) -> None:
         self.state = GripperState.UNKNOWN
         self.is_waiting = False
-        """Whether `tick` has something to do: no call, as that is asked at each step of a flight."""
         self._texts: Mapping[str, GripperState] = {}
         self._awaited: list[_Awaited] = []
         self._unlimited: list[_Awaited] = []

@@ -27,7 +27,6 @@ class ParachuteReleases(Protocol):
 
     def __init__(self) -> None:
         self.is_waiting = False
-        """Whether `tick` has something to do: no call, as that is asked at each step of a flight."""
         self._release: _Release | None = None
 
     @property

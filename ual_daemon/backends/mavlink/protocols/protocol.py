@@ -19,6 +19,9 @@ class Protocol(ABC):
     It outlives the session, so that each of its exchanges ends.
     """
 
+    is_waiting = True
+    """Whether `tick` may have something to do: no call, as that is asked at each step of a flight."""
+
     @property
     @abstractmethod
     def handlers(self) -> Mapping[int, Handler]:

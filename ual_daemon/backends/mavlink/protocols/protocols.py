@@ -74,8 +74,6 @@ class Protocols(Protocol):
             self.parachute,
             self.gimbals,
         )
-        seldom = self.gripper, self.components, self.parachute
-        self._ticked = tuple(each for each in self._all if each not in seldom)
         self._contained: dict[Protocol, ErrorBarrier] = {each: ErrorBarrier(type(each).__name__) for each in self._all}
         taken: defaultdict[int, list[Handler]] = defaultdict(list)
         for protocol in self._all:
@@ -110,8 +108,9 @@ class Protocols(Protocol):
 
     @override
     def tick(self, now_s: float) -> None:
-        is_any_waiting = self.gripper.is_waiting or self.components.is_waiting or self.parachute.is_waiting
-        for protocol in self._all if is_any_waiting else self._ticked:
+        for protocol in self._all:
+            if not protocol.is_waiting:
+                continue
             try:  # here, and not by `ErrorBarrier.call`: each sample costs it
                 protocol.tick(now_s)
             except Exception as error:  # noqa: BLE001 - what flies goes on
