@@ -9,9 +9,9 @@ import pytest
 
 BACKENDS = Path(__file__).parents[1] / "ual_daemon" / "backends"
 RULES = {
-    "a limit of silence": r"^_?[A-Z_]*(?:SILENCE|SILENT|HEARD|BLIND)[A-Z_]*(?:, _?[A-Z_]+)* = [\d.(]",
+    "a limit of silence": r"^_?[A-Z_]*(?:SILENCE|SILENT|HEARD|RECENT_CONTACT|BLIND)[A-Z_]*(?:, _?[A-Z_]+)* = [\d.(]",
     "a silence that is judged": r"- \S*(?:heard|received|reported)_s\b|(?:heard|received|reported)_s\b[^#\n]* [<>]=? ",
-    "a repetition": r"^_?[A-Z_]*(?:RESEND|REPEAT|AGAIN)[A-Z_]*(?:, _?[A-Z_]+)* = [\d.(]",
+    "a repetition": r"^_?[A-Z_]*(?:RESEND|REPEAT|AGAIN|REQUEST_PERIOD)[A-Z_]*(?:, _?[A-Z_]+)* = [\d.(]",
     "a withdrawal that is judged": r"\.cancelled\(\)|\bis_withdrawn\b",
     "a mode of others": r"\bmode_before\b|\bfrom_modes?\b|\bovertak",
 }
@@ -22,6 +22,7 @@ ALLOWED = {
     "crazyflie/requests.py": "questions that are repeated, as CRTP loses packets; nothing that flies",
     "crazyflie/telemetry.py": "whether a log packet is of this boot, and the words while no values come yet",
     "dji/cameras.py": "pictures, and orders of a camera, that were given up: nothing that flies",
+    "dji/gimbals.py": "after how long a gimbal that tells nothing counts as not connected: nothing that flies",
     "dji/session.py": "a silent topic is subscribed to anew, the confirmation of a landing, and calls that were ended",
     "dji/telemetry.py": "messages that a newer one has overtaken",
     "firmwares/batteries.py": "batteries of which nothing is told any more",
@@ -40,6 +41,7 @@ ALLOWED = {
     "mavlink/wire/untaken.py": "which other vehicles are named",
     "mavros/discovery.py": "a silent topic is subscribed to anew; answers that were given up",
     "mavros/gimbal.py": "how long a report of a gimbal holds: nothing that flies",
+    "mavros/parameters.py": "when parameters are fetched again",
     "mavros/telemetry.py": "whether the estimate is good without the topics that it needs",
     "rosbridge/calls.py": "calls whose caller does not wait any more",
     "rosbridge/connections.py": "when a WebSocket counts as half-open",

@@ -33,7 +33,7 @@ ABSOLUTE, PITCH_AND_YAW = 1, 1
 """`E_DjiGimbalRotationMode` and `E_DjiGimbalResetMode`."""
 TURN_S, AIM_S = 0.5, 0.1
 """Seconds that a turn may take: of an order, and of angles that are sent often."""
-ANGLES_S = 3.0
+ANGLES_SILENCE_S = 3.0
 """Seconds without reported angles after which a gimbal counts as not connected. The wrapper tells them once a second at
 least.
 """
@@ -135,7 +135,9 @@ class DjiGimbal(FindableGimbal):
         roll, pitch, yaw = (number(message["vector"][axis]) for axis in "xyz")
         if self._first_s is None:
             self._first_s = now_s
-        is_known = self.is_found or self._is_mounted or (self._is_mounted is None and now_s - self._first_s > ANGLES_S)
+        is_known = (
+            self.is_found or self._is_mounted or (self._is_mounted is None and now_s - self._first_s > ANGLES_SILENCE_S)
+        )
         if is_known and all(map(math.isfinite, (roll, pitch, yaw))):
             self._reported = _ReportedAngles(Quaternion.from_euler(roll, pitch, yaw), now_s)
             self._note_others(pitch, yaw, now_s)
@@ -270,8 +272,8 @@ class DjiGimbal(FindableGimbal):
     def _why_not(self) -> LinkLostError | None:
         trouble = self._around.trouble() or ("it is not mounted" if self._is_mounted is False else "")
         reported = self._reported
-        if not trouble and (reported is None or self._around.now_s() - reported.time_s > ANGLES_S):
-            trouble = f"it has not told its angles for {ANGLES_S:g} s"
+        if not trouble and (reported is None or self._around.now_s() - reported.time_s > ANGLES_SILENCE_S):
+            trouble = f"it has not told its angles for {ANGLES_SILENCE_S:g} s"
         return LinkLostError(f"gimbal 0 is not heard: {trouble}") if trouble else None
 
     def _why_silent(self) -> LinkLostError | None:

@@ -145,7 +145,7 @@ def test_what_is_wrong_with_it_is_reported(uav: UAL, backend: LockstepDji, gimba
     with backend.lock:
         backend.bridge.faults.silent_topics.add("/psdk_ros2/gimbal_angles")
     until(lambda: not uav.gimbals.get_all()[0].is_connected, "its silence")
-    assert gimbals.ANGLES_S > 1.0  # as the wrapper tells its angles once a second
+    assert gimbals.ANGLES_SILENCE_S > 1.0  # as the wrapper tells its angles once a second
 
 
 def test_the_older_wrapper_has_none() -> None:
