@@ -126,6 +126,9 @@ class Calls:
 
     def on_call(self, call: ServedCall) -> None:
         """Begins to answer a call, on the transport's thread."""
+        if not call.peer():  # gRPC does not know any more whose it was: not to be taken for a stranger's
+            call.finish(code=grpc.StatusCode.CANCELLED, details="its caller gave it up")
+            return
         try:
             who = self._access.identify(call)
             call.identity = who.name

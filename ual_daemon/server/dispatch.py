@@ -166,7 +166,7 @@ class CallAnswer:
 
     def _receive(self, message: bytes | None) -> None:
         self._calls.has_request(self)
-        if self.call.is_finished:  # it came too late
+        if self.call.is_finished or self.call.is_cancelled:  # it came too late
             return
         if message is None:
             raise StatusError(grpc.StatusCode.UNIMPLEMENTED, f"{self.call.method} takes one request")
@@ -221,7 +221,7 @@ class _LoopAnswer(CallAnswer):
     """An answer that waits, or all of it, on the event loop."""
 
     _task: asyncio.Task[bytes | None] | None = None
-    _has_begun = False
+    _has_begun = _is_watched = False
     _is_to_cancel = False
     _ended_by: UalError | None = None
 
@@ -236,6 +236,11 @@ class _LoopAnswer(CallAnswer):
     def _watch(self) -> None:
         """From here on the call may be cancelled, or ended by a shutdown."""
         self._calls.join(self)
+        if not self._is_watched:
+            self._watch_caller()
+
+    def _watch_caller(self) -> None:
+        self._is_watched = True
         self.call.watch(lambda: self._calls.on_loop(self._cancel))
 
     def _go_on(self, coroutine: Coroutine[Any, Any, bytes | None]) -> None:
@@ -277,6 +282,14 @@ class _LoopAnswer(CallAnswer):
 
 class _UnaryAnswer(_LoopAnswer):
     """One response to one request: at once, or when the coroutine that the method returned has ended."""
+
+    @override
+    def _begin(self) -> None:
+        if self._standstill is not None:
+            # Before its request is read: where this thread was held up, its caller may have given up meanwhile, and
+            # nothing moves by it.
+            self._watch_caller()
+        super()._begin()
 
     @override
     def _answer(self, request: object) -> None:
@@ -335,6 +348,7 @@ class _RequestStreamAnswer(CallAnswer):
     @override
     def _begin(self) -> None:
         self._calls.join(self)
+        self.call.watch(_nothing)  # see `_UnaryAnswer`
         self._requests: Generator[None, Any, Any] = self._method.serve(None, self.call)
         next(self._requests)
         self._calls.require_accepted(self.call)
@@ -345,7 +359,8 @@ class _RequestStreamAnswer(CallAnswer):
         if self.call.is_finished:  # by a shutdown: requests that still arrive are ignored
             return
         try:
-            self._requests.send(None if message is None else self._decoded(message))
+            if message is None or not self.call.is_cancelled:
+                self._requests.send(None if message is None else self._decoded(message))
         except StopIteration as ended:
             self._calls.leave(self)
             self.call.finish(self._method.encode(ended.value))
@@ -380,3 +395,7 @@ class _PushAnswer(CallAnswer):
         self._calls.leave(self)
         if self._stop is not None:
             self._stop()
+
+
+def _nothing() -> None:
+    pass

@@ -5,6 +5,8 @@ from __future__ import annotations
 import socket
 import struct
 
+from typing_extensions import Self
+
 from tests.waiting import LIMIT_S
 
 
@@ -46,3 +48,49 @@ def answer_to(address: str, values: dict[bytes, bytes]) -> bytes:
             assert received
             answer += received
     return answer
+
+
+def requests(path: str, stream: int, *messages: bytes) -> bytes:
+    """Returns the frames of a call with these messages, after which more may come."""
+    block = headers({**REQUEST, b":path": path.encode()})
+    data = (http2(0, 0, stream, b"\0" + struct.pack(">I", len(each)) + each) for each in messages)
+    return http2(1, 4, stream, block) + b"".join(data)
+
+
+def end(stream: int) -> bytes:
+    """Returns the frame after which no message comes."""
+    return http2(0, 1, stream, b"")
+
+
+def give_up(stream: int) -> bytes:
+    """Returns the frame by which a caller gives up a call."""
+    return http2(3, 0, stream, struct.pack(">I", 8))
+
+
+class Caller:
+    """A connection to a server."""
+
+    def __init__(self, address: str) -> None:
+        host, _, port = address.partition(":")
+        self._socket = socket.create_connection((host, int(port)), LIMIT_S)
+        self._received = self._socket.makefile("rb")
+        self._pings_count = 0
+        self._socket.sendall(PREFACE)
+
+    def send(self, frames: bytes) -> None:
+        """Sends frames. Returns when the server's core has read them, whatever its callbacks do meanwhile."""
+        self._pings_count += 1
+        mark = struct.pack(">Q", self._pings_count)
+        self._socket.sendall(frames + http2(6, 0, 0, mark))
+        while True:
+            head = self._received.read(9)
+            payload = self._received.read(int.from_bytes(head[:3], "big"))
+            if head[3:5] == b"\6\1" and payload == mark:
+                return
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._received.close()
+        self._socket.close()

@@ -3,7 +3,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import threading
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from concurrent.futures import Future
 from contextlib import asynccontextmanager, suppress
 from functools import partial
@@ -13,9 +13,11 @@ import grpc
 import pytest
 from typing_extensions import override
 
+from tests.ual_daemon.server import raw
 from tests.ual_daemon.server.raw import answer_to
 from tests.ual_daemon.server.serving import reported, serving
 from tests.waiting import LIMIT_S, until_async
+from tests.work.memory_calls import MemoryCall
 from ual.access.roles import Role
 from ual.errors import (
     InvalidArgumentError,
@@ -65,6 +67,8 @@ class FakeVehicle:
         self.callers: list[str] = []
         self.taken: list[TwistStamped] = []
         self.has_setpoint = threading.Event()
+        self.is_held_up, self.goes_on = threading.Event(), threading.Event()
+        self.goes_on.set()
         self.commands = self.setpoints = self.external_poses = self
         self.poses: list[ExternalPose] = []
         self.has_pose = threading.Event()
@@ -83,6 +87,8 @@ class FakeVehicle:
         return lambda: None
 
     def set_home(self, set_z: bool, _: str) -> None:
+        self.is_held_up.set()
+        assert self.goes_on.wait(LIMIT_S)
         who = logs.caller.get()
         assert who is not None
         self.callers.append(who())
@@ -434,6 +440,55 @@ def test_a_setpoint_stream_that_ends_tells_how_many_were_taken(transport: Choice
                 await stream.write(pb.StreamSetpointsRequest(velocity=speed(0.5)))
             await stream.done_writing()
             assert (await stream).accepted_count == 3
+
+    asyncio.run(run())
+
+
+@pytest.mark.parametrize(
+    ("method", "request_of"),
+    [
+        ("SetVelocity", lambda x: pb.SetVelocityRequest(velocity=speed(x))),
+        ("StreamSetpoints", lambda x: pb.StreamSetpointsRequest(velocity=speed(x))),
+    ],
+)
+def test_what_its_caller_gave_up_before_it_was_read_moves_nothing(
+    transport: Choice, method: str, request_of: Callable[[float], Any]
+) -> None:
+    """The thread that reads was held up, by less than what is a standstill of the daemon."""
+
+    def call(it: Served) -> None:
+        path, given_up, later = f"/ual.v1.UalService/{method}", request_of(0.5), request_of(0.25)
+        with raw.Caller(it.address) as caller:
+            caller.send(raw.requests("/ual.v1.UalService/SetHome", 1, b"") + raw.end(1))
+            assert it.vehicle.is_held_up.wait(LIMIT_S)
+            caller.send(raw.requests(path, 3, given_up.SerializeToString()) + raw.end(3))
+            caller.send(raw.give_up(3))
+            it.vehicle.goes_on.set()
+            caller.send(raw.requests(path, 5, later.SerializeToString()) + raw.end(5))
+            assert it.vehicle.has_setpoint.wait(LIMIT_S)
+
+    async def run() -> None:
+        async with served(transport) as it:
+            it.vehicle.goes_on.clear()
+            await asyncio.to_thread(call, it)
+            assert [each.twist.linear.x for each in it.vehicle.taken] == [0.25]
+
+    asyncio.run(run())
+
+
+def test_a_call_that_ended_before_it_was_read_is_not_taken_for_that_of_a_stranger() -> None:
+    class EndedCall(MemoryCall):
+        """One of which gRPC does not know any more where it came from."""
+
+        @override
+        def peer(self) -> str:
+            return ""
+
+    async def run() -> None:
+        calls, ended = Calls("uav_1", shutdown_refuses=()), EndedCall("/ual.v1.UalService/GetInfo", ())
+        calls.on_call(ended)
+        assert ended.code is grpc.StatusCode.CANCELLED
+        assert not calls.figures.failures
 
     asyncio.run(run())
 
