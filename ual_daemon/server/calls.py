@@ -209,7 +209,7 @@ class Calls:
 
     def _end_unknown(self) -> None:
         with self._lock:
-            running = [answer for answer in self._answers if answer.caller.is_named]
+            running = list(self._answers)
         for answer in running:
             try:
                 self._require_role(self._access.identify(answer.call), answer.method_name)

@@ -61,6 +61,27 @@ def test_a_revoked_token_ends_its_streams(tmp_path: Path, transport: Choice, mon
     run(tmp_path, transport, check)
 
 
+def test_a_lowered_role_of_local_callers_ends_their_streams(
+    tmp_path: Path, transport: Choice, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(calls, "REQUEST_S", 0.1)
+
+    async def check(to: Served) -> None:
+        way = variants(to.made)["loopback"]
+        async with to.channel(way) as channel:
+            stub = ual_pb2_grpc.UalServiceStub(channel)
+            watching = stub.StreamTelemetry(pb.StreamTelemetryRequest())
+            assert await watching.read() is not grpc.aio.EOF
+            flying = stub.StreamExternalPoses()
+            await flying.wait_for_connection()
+            roles = tmp_path / "roles.yaml"
+            whole_file.write(roles, b"local: observer" + roles.read_bytes())
+            assert await flying.code() is grpc.StatusCode.PERMISSION_DENIED
+            assert await watching.read() is not grpc.aio.EOF  # an observer may go on reading
+
+    run(tmp_path, transport, check)
+
+
 def test_a_lowered_role_ends_its_streams(tmp_path: Path, transport: Choice, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(calls, "REQUEST_S", 0.1)
 
