@@ -152,31 +152,36 @@ class TeleopVehicle:
                 while self._setpoint is None and not self._is_closed.is_set():
                     self._changed.wait()
                 newest = self._setpoint
-            if newest is not None and newest[1] + STALE_SETPOINT_S >= self._clock():
+            if newest is not None:
                 self._send(newest)
-            elif newest is not None and isinstance(newest[0], PoseStamped):  # a velocity comes again, a step does not
-                self._is_refused = True
-                self.refuse(DROPPED)
             with self._changed:
                 if self._setpoint is newest:
                     self._setpoint = None
 
     def _send(self, newest: tuple[Setpoint, float]) -> None:
+        setpoint, given_s = newest
         with self._in_flight:
-            if self._setpoint is not newest:  # a command has taken its place
-                return
             try:
-                self._hold_lease()
-                setpoint = newest[0]
-                if isinstance(setpoint, TwistStamped):
-                    self._uav.set_velocity(setpoint)
-                else:
-                    assert isinstance(setpoint, PoseStamped)
-                    self._uav.set_pose(setpoint)
+                if self._clock() - given_s <= STALE_SETPOINT_S:
+                    self._hold_lease()  # may take a while
+                if self._setpoint is not newest:  # a command, or a newer one, has taken its place
+                    return
+                if self._clock() - given_s <= STALE_SETPOINT_S:
+                    self._set(setpoint)
+                elif isinstance(setpoint, PoseStamped):  # a velocity comes again, a step does not
+                    self._is_refused = True
+                    self.refuse(DROPPED)
             except UalError as error:
                 self._note("sticks", error)
                 with self._changed:
                     self._is_refused = True
+
+    def _set(self, setpoint: Setpoint) -> None:
+        if isinstance(setpoint, TwistStamped):
+            self._uav.set_velocity(setpoint)
+        else:
+            assert isinstance(setpoint, PoseStamped)
+            self._uav.set_pose(setpoint)
 
     def _hold_lease(self) -> None:
         """Acquires the lease with the first command. A lease that another program took is not taken back."""
@@ -185,9 +190,10 @@ class TeleopVehicle:
                 return
             if self._lease is not None:
                 self._lease.release()
-            takes, self._takes_lease, self._lease = self._takes_lease, False, None
+            self._lease = None
             with suppress(NotSupportedError):  # a daemon that knows no leases
-                self._lease = self._uav.lease("ual teleop", take=takes)
+                self._lease = self._uav.lease("ual teleop", take=self._takes_lease)
+            self._takes_lease = False  # not before: the daemon may not have answered
 
     def _keep_link(self) -> None:
         while not (self._is_closed.is_set() or self._is_linked()):
