@@ -57,7 +57,7 @@ from ual_daemon.flight.refusals import (
 )
 from ual_daemon.flight.setpoint_sender import LONGEST_BLIND_S, SetpointSender
 from ual_daemon.flight.shutdown import Shutdown
-from ual_daemon.flight.state import Estimate, estimate, noted
+from ual_daemon.flight.state import Estimate, estimate, noted, why_it_stands
 from ual_daemon.flight.stepper import FlightStepper, has_led_to_ground
 from ual_daemon.flight.stopping import Stopping, next_start
 from ual_daemon.flight.tasks import VehicleTask
@@ -199,6 +199,14 @@ class Flight:
         """Why the vehicle has fewer capabilities than others, and what is unusual about it; empty if nothing is."""
         info = self._backend.info()
         return "; ".join(filter(None, (info.limitation, info.note)))
+
+    def why_it_may_lie(self, snapshot: Snapshot, state: State) -> str:
+        """Returns why a UAV that nobody has seen fly may lie on the ground; empty where it flies, or is UAL's."""
+        if state not in (State.FLYING_AUTO, State.FLYING_MANUAL):
+            return ""
+        if state is State.FLYING_AUTO and self.is_in_control():
+            return ""
+        return why_it_stands(snapshot, is_ground_known=self.geofence.ground.z_m is not None)
 
     @property
     def is_busy(self) -> bool:
@@ -681,6 +689,9 @@ class Flight:
             # A take-off watches its way by itself: on the ground the estimate is not the place.
             current = None if manoeuvre is None or is_taking_off else manoeuvre.current_reference
             self.following.observe(snapshot, raw, current)
+            if self.following.why and snapshot.motion.pose is not None:
+                height_m, is_known = self.geofence.height_m(snapshot)
+                self.following.note_height(height_m, is_ground_known=is_known)
         # While the cause is open, what took it is reported within a moment.
         if self.following.why and snapshot.control.held_by is not Cause.OPEN:
             self._stand_by(snapshot, raw)

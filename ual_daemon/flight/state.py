@@ -77,21 +77,26 @@ def why_it_may_lie(snapshot: Snapshot) -> str:
     PX4 takes one that has fallen to be in the air for long: until its motors run, or until nothing of it turns.
     """
     stopped = "; the autopilot has stopped its motors" if snapshot.control.failsafe is Cause.TERMINATION else ""
-    return stopped + _why_it_stands(snapshot)
+    stands = why_it_stands(snapshot)
+    return f"{stopped}; {stands}" if stands else stopped
 
 
-def _why_it_stands(snapshot: Snapshot) -> str:
+def why_it_stands(snapshot: Snapshot, *, is_ground_known: bool = False) -> str:
+    """Returns how it stands as on the ground; empty where it does not.
+
+    `is_ground_known`: it has been seen to leave the ground, so that it may hover at the height of its home.
+    """
     velocity, pose = snapshot.motion.velocity, snapshot.motion.pose
     if velocity is None or pose is None or velocity.value.linear.norm() > _STILL_M_S:
         return ""
     x, y, *_ = pose.value.orientation
     if 1.0 - 2.0 * (x * x + y * y) < _LARGEST_TILT_COSINE:
-        return "; it stands still, tilted as nothing flies, and lies on the ground"
+        return "it stands still, tilted as nothing flies, and lies on the ground"
     projection, home_m = snapshot.earth.projection, snapshot.earth.home_altitude_amsl_m
-    if projection is None or home_m is None:
+    if is_ground_known or projection is None or home_m is None:
         return ""
     above_m = pose.value.position.z + projection.altitude_amsl_m - home_m
-    return "; it stands still at the height of its home, and may lie there" if abs(above_m) < _AT_HOME_M else ""
+    return "it stands still at the height of its home, and may lie there" if abs(above_m) < _AT_HOME_M else ""
 
 
 def noted(found: Estimate, note: str) -> Estimate:

@@ -11,7 +11,7 @@ from ual_daemon.backends.offers.missions import AutopilotMissions
 from ual_daemon.backends.values import Cause, Snapshot
 from ual_daemon.flight.flight import Flight
 from ual_daemon.flight.manoeuvres.manoeuvre import ONLY_OTHERS_END_IT, takes_back
-from ual_daemon.flight.policy.following import FALL_M_S
+from ual_daemon.flight.policy.following import ENDS_LYING, FALL_M_S
 from ual_daemon.flight.refusals import only_watching, shutting_down
 from ual_daemon.flight.state import Estimate
 from ual_daemon.vehicle.refusal_log import RefusalLog
@@ -20,6 +20,8 @@ _ALWAYS = frozenset({"land", "abort", "cancel", "disarm", "pause", "set_home", "
 """Commands that are possible also where the UAV does not follow, or its motors are stopped: they end a motion, or begin
 none.
 """
+_ENDS = _ALWAYS - {"recover_from_manual"}
+"""Those that are possible also where the UAV may lie on the ground. To hold its pose there would lift it off."""
 
 
 class Preconditions(RefusalLog):
@@ -101,7 +103,7 @@ class Preconditions(RefusalLog):
 
         """
         following = self._flight.following
-        if why_not := following.why_not_recoverable():
+        if why_not := following.why_not_recoverable(self._flight.raw_estimate(self._backend.snapshot()).state):
             raise WrongStateError(f"{command}: {why_not} ({following.why})", {"command": command})
         return State.FLYING_AUTO, State.FLYING_MANUAL, State.LANDED_ARMED
 
@@ -199,6 +201,9 @@ class Preconditions(RefusalLog):
                 if refusal is not None:
                     raise refusal
             if not is_stopped:
+                if command not in _ENDS and (why := self._flight.why_it_may_lie(snapshot, found.state)):
+                    metadata = {"state": found.state.name, "needed": "land", "command": command}
+                    raise WrongStateError(f"{command}: {why}: {ENDS_LYING}", metadata)
                 return snapshot
         _require_link(command, found)
         if is_stopped and found.state is not State.UNINITIALIZED:  # by old data, or another vehicle's, nothing is known

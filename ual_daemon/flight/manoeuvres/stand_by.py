@@ -72,8 +72,7 @@ class StandBy(FlyReference):
             return step
         if not self.following.why:  # it follows again, and holds like any other
             return Step(has_ended=True, is_to_stop=True)
-        height_m, is_known = self.rules.geofence.height_m(snapshot)
-        if not self.following.is_down(height_m, is_ground_known=is_known):
+        if not self.following.is_down:
             return step
         landing = self.land(snapshot)
         return step if landing is None else Step(handover=landing)

@@ -107,6 +107,9 @@ ENDS_TERMINATION = (
     "secure it, then end what stops the motors (the kill switch), have it disarmed by force, or cut its power"
 )
 """The remedy for stopped motors. An autopilot that takes itself to be in the air refuses an ordinary disarming."""
+ENDS_LYING = "land it, or have it disarmed by force, and then take off"
+"""The remedy for what may lie on the ground. Its autopilot takes it to be in the air, and would lift it off at once."""
+_MAY_LIE = f"it may lie on the ground: {ENDS_LYING}"
 
 
 class Trouble(Enum):
@@ -143,6 +146,8 @@ class Following:
         """Whether it stands or lies still."""
         self.lies = False
         """Whether it lies on the ground, whatever the autopilot says: without motors nothing stands in the air."""
+        self.may_lie = False
+        """Whether it has fallen, and is so near to the ground that it may lie there."""
         self.count = 0
         """Times at which it has ceased to follow."""
         self._is_now = self._is_released = False
@@ -195,6 +200,8 @@ class Following:
             return "it is armed again once it lies still"
         if self.trouble is Trouble.STOPPED and self._is_now:
             return f"new motions are refused: {ENDS_TERMINATION}"
+        if self.may_lie and state in _IN_AIR:
+            return f"new motions are refused: {_MAY_LIE}"
         once = "" if self.is_still else "it stands still or follows, and "
         possible = "land, abort and disarm are possible"
         return f"new motions are refused until {once}recover_from_manual is called ({possible})"
@@ -204,6 +211,7 @@ class Following:
         if not self.why:
             return None
         needed = "recover_from_manual" if state is not State.LANDED_DISARMED else "standing still"
+        needed = "land" if self.may_lie and state in _IN_AIR else needed
         metadata = {"state": state.name, "needed": needed, "command": command, "by": self._by}
         return WrongStateError(f"{command}: {self.why}; {self._remedy(state)}", metadata)
 
@@ -217,26 +225,33 @@ class Following:
         """The metadata of the error of a task that has ended because it does not follow."""
         return {"by": self._by}
 
-    def why_not_recoverable(self) -> str:
+    def why_not_recoverable(self, state: State) -> str:
         """Returns why the control cannot be asked back yet; empty where it can."""
         if self._is_now and self.trouble is Trouble.STOPPED:
             return f"the motors are still stopped: {ENDS_TERMINATION}"
+        if self.may_lie and state in _IN_AIR:
+            return _MAY_LIE
         follows = not self._is_now and self.trouble is not Trouble.ASTRAY  # its present pose is no measure of that
         return "" if self.is_still or follows else "it still moves, or does not follow"
 
-    def is_down(self, height_m: float, *, is_ground_known: bool) -> bool:
-        """Returns whether it has fallen, and lies on the ground, by its height over that."""
+    def note_height(self, height_m: float, *, is_ground_known: bool) -> None:
+        """Notes the height over the ground of one that does not follow."""
         has_fallen = self.trouble is not None and self.trouble is not Trouble.ASTRAY
         near_m = _GROUND_NOISE_M if is_ground_known and self._impact_s == math.inf else _UNKNOWN_GROUND_M
+        self.may_lie = has_fallen and height_m < near_m
+
+    @property
+    def is_down(self) -> bool:
+        """Whether it has fallen, and lies on the ground."""
         is_level = self._seen_s - self._level_s >= _LEVEL_S
         is_at_rest = self.is_still or self.lies or is_level or self._seen_s - self._impact_s >= _SINCE_IMPACT_S
-        return has_fallen and is_at_rest and height_m < near_m
+        return self.may_lie and is_at_rest
 
     def release(self) -> None:
         """Begins again: somebody has asked for the control, or it lies disarmed. Any thread may call."""
         self._is_released = True
         self.why, self.trouble, self._is_now, self._worst, self.lies = "", None, False, 0.0, False
-        self._impact_s = math.inf
+        self.may_lie, self._impact_s = False, math.inf
 
     def forget(self) -> None:
         """Forgets the motion and the place from before: the estimate has jumped."""

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
+from functools import partial
 
 import pytest
 
 from tests.conftest import LIMIT_S
-from tests.simulators import ArduPilot, px4
+from tests.simulators import ArduPilot, Px4, px4
 from tests.simulators.mission_store import Sender
+from tests.simulators.px4 import LOITER
 from tests.ual_daemon.backends.mavlink.test_autopilot_arming import selected_after_our_arming
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
 from tests.ual_daemon.backends.mavlink.test_autopilot_own_missions import at, landing, start
@@ -245,7 +247,7 @@ def test_a_daemon_that_is_new_does_not_arm_what_falls_after_it_was_disarmed_in_t
     flight.uav.arm()
 
 
-def test_a_daemon_that_is_new_takes_no_motion_after_the_motors_were_stopped_until_somebody_recovers_it() -> None:
+def test_a_daemon_that_is_new_takes_no_motion_after_the_motors_were_stopped_until_it_is_disarmed() -> None:
     flight = Flight("ardupilot")
     try:
         restarted_without_motors(flight)
@@ -256,15 +258,63 @@ def test_a_daemon_that_is_new_takes_no_motion_after_the_motors_were_stopped_unti
             flight.uav.go_to_waypoint(flight.goal(1.0, 0.0))
         assert flight.commands_since(flight.started_s) == set()
         flight.wait_for(lambda: "still now" in flight.uav.telemetry().state_reason, "that it stands")
-        flight.uav.recover_from_manual()
-        assert "stopped" not in flight.uav.telemetry().state_reason
+        with pytest.raises(WrongStateError, match="may lie on the ground: land it"):
+            flight.uav.recover_from_manual()
+        flight.wait_for(lambda: flight.uav.telemetry().state_reason == "not armed", "that it is disarmed")
+        flight.uav.arm()
     finally:
         flight.uav.close()
 
 
-def test_a_daemon_that_is_new_tells_that_what_has_fallen_may_lie_on_the_ground(monkeypatch: pytest.MonkeyPatch) -> None:
-    """PX4 takes it to be in the air for as long as anything of it turns. The daemon said just that."""
+def assert_only_a_landing_is_accepted(flight: Flight) -> None:
+    """PX4 lifted off 2.8 m/s sideways: in the air as it takes itself to be, it flies to any pose."""
+    uav, goal = flight.uav, flight.goal(3.0, 0.0)
+    motions: tuple[Callable[[], object], ...] = (
+        uav.recover_from_manual,
+        partial(uav.go_to_waypoint, goal),
+        partial(uav.set_pose, goal),
+        partial(uav.set_velocity, Twist(Vector3(1.0, 0.0, 0.0))),
+        uav.return_to_launch,
+    )
+    asked_s = flight.now_s
+    for motion in motions:
+        with pytest.raises(WrongStateError) as caught:
+            motion()
+        assert "lie" in str(caught.value) or caught.value.metadata["needed"] == State.FLYING_AUTO.name
+    assert flight.commands_since(asked_s) == set()
+    flight.uav.land(blocking=False)
+    flight.wait_for_state(State.LANDING)
+
+
+@pytest.fixture
+def never_lands(monkeypatch: pytest.MonkeyPatch) -> None:
+    """PX4 takes what has fallen to be in the air for as long as anything of it turns."""
     monkeypatch.setattr(px4, "_LANDED_S", math.inf)
+
+
+@pytest.mark.usefixtures("never_lands")
+def test_what_has_fallen_takes_no_motion_while_it_may_lie_on_the_ground() -> None:
+    """Once its landing on the spot has ended, as PX4 chose a mode by itself, the control could be asked back."""
+    flight = Flight("px4")
+    try:
+        climb(flight)
+        break_it(flight, "dies")
+        flight.wait_for_state(State.LANDING)
+        flight.wait_for(lambda: height_m(flight) == 0.0, "its impact")
+        break_it(flight, "dies", ends=True)
+        flight.let_pass(2.0)
+        assert isinstance(flight.autopilot, Px4)
+        assert flight.autopilot.request_mode(LOITER)
+        flight.wait_for_state(State.FLYING_MANUAL)
+        flight.wait_for(lambda: "it may lie on the ground" in flight.uav.telemetry().state_reason, "that it may lie")
+        assert_only_a_landing_is_accepted(flight)
+    finally:
+        flight.uav.close()
+
+
+@pytest.mark.usefixtures("never_lands")
+def test_a_daemon_that_is_new_takes_no_motion_of_what_may_lie_on_the_ground() -> None:
+    """The daemon said just that it was in the air, and after recover_from_manual it lifted off by any motion."""
     flight = Flight("px4")
     try:
         climb(flight)
@@ -276,11 +326,12 @@ def test_a_daemon_that_is_new_tells_that_what_has_fallen_may_lie_on_the_ground(m
         flight.start()
         flight.wait_for_state(State.FLYING_MANUAL)
         flight.wait_for(lambda: "may lie there" in flight.uav.telemetry().state_reason, "that it may lie")
+        assert_only_a_landing_is_accepted(flight)
     finally:
         flight.uav.close()
 
 
-def test_a_daemon_that_is_new_tells_it_also_where_the_autopilot_takes_its_references() -> None:
+def test_a_daemon_that_is_new_takes_none_also_where_the_autopilot_takes_its_references() -> None:
     flight = Flight("ardupilot")
     try:
         climb(flight)
@@ -291,6 +342,20 @@ def test_a_daemon_that_is_new_tells_it_also_where_the_autopilot_takes_its_refere
         flight.first_s(
             lambda told: told.state is State.FLYING_AUTO and "may lie there" in told.state_reason, flight.started_s
         )
+        assert_only_a_landing_is_accepted(flight)
+    finally:
+        flight.uav.close()
+
+
+def test_a_daemon_that_is_new_flies_on_what_hovers_low() -> None:
+    """Higher than what may lie at the height of its home."""
+    flight = Flight("px4")
+    try:
+        climb(flight, 1.2)
+        flight.kill()
+        flight.start()
+        flight.wait_for_state(State.FLYING_AUTO, State.FLYING_MANUAL)
+        flight.uav.go_to_waypoint(flight.goal(1.0, 0.0))
     finally:
         flight.uav.close()
 

@@ -76,6 +76,10 @@ class Watched:
                 self.poll_once()
         return bool(self.following.why)
 
+    def is_down(self, height_m: float) -> bool:
+        self.following.note_height(height_m, is_ground_known=True)
+        return self.following.is_down
+
     def lie(self, landed: LandedState = LandedState.IN_AIR) -> None:
         self.autopilot.z, self.autopilot.climb_m_s, self.autopilot.landed = 0.1, 0.0, landed
 
@@ -204,7 +208,7 @@ def test_what_drifts_along_the_ground_after_its_impact_is_down(climbs_m_s: float
         watched.autopilot.climb_m_s = climbs_m_s if look % 4 else -climbs_m_s
         watched.poll_once()
     assert not watched.following.is_still
-    assert watched.following.is_down(0.1, is_ground_known=True) is is_down
+    assert watched.is_down(0.1) is is_down
 
 
 def fallen(brakes_m_s2: float) -> Watched:
@@ -227,8 +231,8 @@ def test_a_fall_that_ends_by_an_impact_is_down_where_its_estimate_is_a_metre_off
     for _ in range(20):
         watched.fly(LOOK_S)
     assert watched.following.is_still
-    assert watched.following.is_down(1.0, is_ground_known=True)
-    assert watched.following.is_down(2.0, is_ground_known=True) is has_hit
+    assert watched.is_down(1.0)
+    assert watched.is_down(2.0) is has_hit
 
 
 def test_what_tumbles_on_the_ground_is_down_a_while_after_its_impact() -> None:
@@ -238,7 +242,7 @@ def test_what_tumbles_on_the_ground_is_down_a_while_after_its_impact() -> None:
             watched.autopilot.time_s += LOOK_S
             watched.autopilot.climb_m_s = 1.0 if look % 2 else -1.0
             watched.poll_once()
-        assert watched.following.is_down(1.0, is_ground_known=True) is is_down
+        assert watched.is_down(1.0) is is_down
 
 
 def test_a_boot_ends_what_was_reported_of_a_fall() -> None:
