@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from concurrent.futures import Future
 from contextlib import suppress
 from functools import partial
 from typing import TypeAlias
 
 from ual.errors import UalError, UalTimeoutError, WrongStateError
-from ual.types import State
+from ual.types import Capability, State
 from ual_daemon import logs
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Cause, Control, Snapshot
@@ -114,7 +115,7 @@ class FlightStepper:
         if not self._swap(self._follower(manoeuvre, step, snapshot), partial(self._ends, manoeuvre, step, snapshot)):
             return True
         if step.is_autopilot_to_hold:
-            self._hold_by_autopilot(snapshot, manoeuvre.name)
+            self._leave_to_autopilot(snapshot, manoeuvre.name, is_to_land=step.is_autopilot_to_land)
         return False
 
     def _follower(self, manoeuvre: Manoeuvre, step: Step, snapshot: Snapshot) -> Manoeuvre | None:
@@ -148,18 +149,24 @@ class FlightStepper:
         else:  # what makes it hand over may have come while it was paused, and counts once it goes on
             manoeuvre.is_fitted = False
 
-    def _hold_by_autopilot(self, snapshot: Snapshot, during: str) -> None:
-        """Commands the autopilot to hold its position by itself, until it has left the mode in which it obeys UAL.
+    def _leave_to_autopilot(self, snapshot: Snapshot, during: str, *, is_to_land: bool) -> None:
+        """Commands the autopilot to hold its position by itself, or to land on the spot, until it has left the mode in
+        which it obeys UAL.
 
         It must not be sent after that: the safety pilot may have taken over.
         """
         if _is_control_released(snapshot):
             return
-        hold = AutopilotCommand("hold its position")
-        logs.event(_log, logging.WARNING, "hold_by_autopilot", why=f"{during} was stopped")
+        info = self._backend.info()
+        command, event = AutopilotCommand("hold its position"), "hold_by_autopilot"
+        send: Callable[[], Future[None]] = self._backend.hold
+        if is_to_land and Capability.LAND in info.capabilities and not info.flies_landing_on_setpoints:
+            command, event = AutopilotCommand("land"), "land_by_autopilot"
+            send = partial(self._backend.land, self._rules.limits.get())
+        logs.event(_log, logging.WARNING, event, why=f"{during} was stopped")
         with suppress(WrongStateError):  # UAL is shutting down
-            self._watched.add(hold, _is_control_released)
-        hold.send(self._backend.hold, snapshot)
+            self._watched.add(command, _is_control_released)
+        command.send(send, snapshot)
 
 
 def has_led_to_ground(manoeuvre: Manoeuvre, snapshot: Snapshot) -> bool:

@@ -82,6 +82,7 @@ class Step(NamedTuple):
         next_reference: The reference to follow after it; None to stop at the present position.
         handover: The manoeuvre that goes on with its task; None while it goes on itself, and where it has ended.
         is_autopilot_to_hold: Whether the autopilot is to hold its position by itself from now on.
+        is_autopilot_to_land: Whether that is rather to land on the spot, where it has a landing of its own.
         is_taken: Whether it has ended because others took the UAV, to which UAL then sends nothing.
         is_to_stop: Whether the UAV is to come to rest from the motion that it was sent, inside the geofence where that
             is possible. Without, and without a `next_reference`, it stops from the motion that it has.
@@ -94,6 +95,7 @@ class Step(NamedTuple):
     next_reference: Reference | None = None
     handover: Handover | None = None
     is_autopilot_to_hold: bool = False
+    is_autopilot_to_land: bool = False
     is_taken: bool = False
     is_to_stop: bool = False
 

@@ -47,6 +47,8 @@ _HIGHEST_SHARE, _HIGHEST_MARGIN_M = 1.2, 1.0
 may count heights from elsewhere; the estimate of the ground wanders by 0.7 m."""
 _LEFT_GROUND_M = 1.0
 """The estimate of a UAV that stands wanders by less."""
+_NEAR_GROUND_M = 2.0
+"""Height in metres below which a climb that makes no way ends in a landing: one that stood was at 0.96 m by PX4."""
 _LIFT_OFF_S = 6.0
 """Seconds that an autopilot may take to begin its climb. On the ground the estimate wanders by 0.3 m at a time, which a
 watch of the distance alone takes for progress.
@@ -235,13 +237,17 @@ class TakeOffManoeuvre(Manoeuvre):
         return Step(has_ended=True, error=error, is_autopilot_to_hold=True)
 
     def _end_of_stuck_climb(self, climbed_m: float, why: str) -> Step:
-        """Returns the step that ends a climb that makes no way: it must not begin later, when nobody expects it."""
+        """Returns the step that ends a climb that makes no way: it must not begin later, when nobody expects it.
+
+        A PX4 that was to hold on the ground rose by 0.85 m as its thrust came back.
+        """
+        is_low = climbed_m < _NEAR_GROUND_M
+        does = "land on the spot" if is_low else "hold by itself"
         error = UalTimeoutError(
-            f"take_off: at {climbed_m:.2f} m, not at {self._height_m:g} m: {why}; the autopilot is "
-            "to hold by itself now",
+            f"take_off: at {climbed_m:.2f} m, not at {self._height_m:g} m: {why}; the autopilot is to {does} now",
             {"by": "no way"},
         )
-        return Step(has_ended=True, error=error, is_autopilot_to_hold=True)
+        return Step(has_ended=True, error=error, is_autopilot_to_hold=True, is_autopilot_to_land=is_low)
 
     def _has_arrived(self, now_s: float, climbed_m: float, speed_m_s: float, estimate: Estimate) -> bool:
         """Returns whether the UAV has been at the height, and slow, for the dwell time, and the climb is over."""

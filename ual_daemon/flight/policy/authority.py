@@ -19,7 +19,7 @@ _UNINITIALIZED, _FLYING_AUTO, _LANDED_ARMED, _LANDED_DISARMED = (
 
 LONGEST_LINK_GAP_S = 10.0
 """After a longer silence the flight may be another one. Within less no UAV lands, is armed again, and takes off."""
-_LEFT = "UAL has had the autopilot hold by itself"
+_LEFT = "UAL has left it to the autopilot, which holds or lands"
 _IN_AIR = (_FLYING_AUTO, State.FLYING_MANUAL, State.TAKING_OFF, State.LANDING)
 """A tuple: each update looks, and the hash of an enumeration's member is a call."""
 _OTHERS = (State.FLYING_MANUAL, State.TAKING_OFF, State.LANDING)
@@ -72,7 +72,7 @@ class Authority:
         """Notes that a manoeuvre of UAL has ended, and whether others took the UAV in it. `by` is their name, if it is
         known.
 
-        `is_left`: UAL leaves it to the autopilot, which is to hold by itself.
+        `is_left`: UAL leaves it to the autopilot, which is to hold by itself or to land.
 
         They may have selected a mode in which the state is FLYING_AUTO all the time (GUIDED in a landing of UAL).
         """

@@ -17,7 +17,7 @@ from tests.simulators.px4 import LOITER
 from tests.ual_daemon.backends.mavlink.test_autopilot_arming import selected_after_our_arming
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
 from tests.ual_daemon.backends.mavlink.test_autopilot_own_missions import at, landing, start
-from ual.errors import TaskAbortedError, WrongStateError
+from ual.errors import TaskAbortedError, UalTimeoutError, WrongStateError
 from ual.geometry import Twist, TwistStamped, Vector3
 from ual.interface import Task
 from ual.types import State, Telemetry
@@ -130,6 +130,27 @@ def test_a_fall_in_a_take_off_ends_it_and_nothing_climbs_when_its_cause_ends(fli
     while flight.now_s < ends_s + 6.0:
         assert height_m(flight) < 0.3
         flight.let_pass(0.1)
+
+
+def test_a_take_off_without_thrust_ends_in_a_landing_on_the_spot_and_nothing_rises_when_it_is_back(
+    flight: Flight,
+) -> None:
+    """A real PX4 was held where it stood, and rose by 0.85 m."""
+    flight.wait_for_state(State.LANDED_DISARMED)
+    assert flight.autopilot.pilot_arm()
+    flight.wait_for_state(State.LANDED_ARMED)
+    flight.wait_for(flight._is_take_off_planned, "what a take-off needs")
+    break_it(flight, "dies")
+    with pytest.raises(UalTimeoutError, match="is to land on the spot now") as caught:
+        flight.uav.take_off(5.0)
+    assert caught.value.metadata["by"] == "no way"
+    ended_s = flight.now_s
+    break_it(flight, "dies", ends=True)
+    while flight.now_s < ended_s + 6.0:
+        assert height_m(flight) < 0.05
+        flight.let_pass(0.1)
+    flight.wait_for_state(State.LANDED_DISARMED)
+    assert flight.uav.telemetry().state_reason == "not armed"
 
 
 def test_a_fall_in_a_flight_that_our_arming_has_begun_is_ended_without_a_task() -> None:

@@ -319,11 +319,11 @@ def test_a_late_refusal_ends_a_take_off_that_is_still_on_the_ground(autopilot: A
 
 
 @pytest.mark.parametrize("on_setpoints", [False, True])
-@pytest.mark.parametrize("climbs_s", [0.0, 2.0])
+@pytest.mark.parametrize("climbs_s", [0.0, 2.0, 6.0])
 def test_a_take_off_that_is_stuck_ends_within_10_s_and_says_what_can_be_done(
     autopilot: Autopilot, ack: Future[None], climbs_s: float, *, on_setpoints: bool
 ) -> None:
-    """It does not begin later, when nobody expects it: the autopilot is to hold."""
+    """It does not begin later, when nobody expects it: the autopilot is to land, or to hold higher up."""
     climb = take_off(autopilot, ack, on_setpoints=on_setpoints)
     ack.set_result(None)
     autopilot.control, autopilot.climb_m_s = Control.REFERENCES, 0.5
@@ -339,6 +339,8 @@ def test_a_take_off_that_is_stuck_ends_within_10_s_and_says_what_can_be_done(
     assert "safety pilot disarm it" in str(step.error)
     assert step.error.metadata["by"] == "no way"
     assert step.is_autopilot_to_hold
+    assert step.is_autopilot_to_land is (climbs_s < 4.0)
+    assert ("land on the spot" in str(step.error)) is step.is_autopilot_to_land
 
 
 @pytest.mark.parametrize("on_setpoints", [True, False])
