@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import signal
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, suppress
+from functools import partial
 
 import pytest
 
@@ -22,7 +23,7 @@ from tests.sitl.troubles import Change, changed
 from tests.sitl.truth import Truth
 from tests.sitl.wiretap import Wiretap
 from ual.errors import TaskAbortedError, UalError, WrongStateError
-from ual.geometry import Pose
+from ual.geometry import Pose, Twist, Vector3
 from ual.types import State, Telemetry
 
 pytestmark = [pytest.mark.sitl, pytest.mark.timeout(300)]
@@ -40,6 +41,7 @@ NOT_FOLLOWED = "not follow"
 _NO_THRUST = Change("SIH_T_MAX", 0.3, 5.0)
 _STOP_FUNCTION, _HIGH, _LOW = 31.0, 2.0, 0.0
 _DO_AUX_FUNCTION = 218
+_INJECT_FAILURE, _MOTOR, _OFF, _WORKS = 420, 101.0, 1.0, 0.0
 
 
 @contextmanager
@@ -112,6 +114,62 @@ def test_a_fall_is_reported_and_nothing_climbs_when_the_motors_run_again(
     print(f"{WATCHED_S:.0f} s after the motors ran again at most {max(heights_m):.2f} m up: {states}")
     assert max(heights_m) < STAYS_M, states
     assert [each for each in wiretap.orders(ran_s) if "arm" in str(each)] == []
+
+
+@contextmanager
+def dead_motor(pilot: Transmitter) -> Iterator[None]:
+    """One motor does not turn, until the end of the block: it tumbles, and lies on its back."""
+    if pilot.autopilot != "PX4":
+        with changed(pilot, (Change("SIM_ENGINE_MUL", 0.0, 1.0), Change("SIM_ENGINE_FAIL", 1.0, 0.0))):
+            yield
+        return
+    pilot.order(_INJECT_FAILURE, (_MOTOR, _OFF, 1.0))
+    try:
+        yield
+    finally:
+        pilot.order(_INJECT_FAILURE, (_MOTOR, _WORKS, 1.0))
+
+
+@pytest.mark.parametrize("is_restarted", [False, True], ids=["", "restarted"])
+@pytest.mark.parametrize("breaks", [stopped_motors, dead_motor])
+@pytest.mark.usefixtures("lands_in_the_end")
+def test_what_lies_takes_no_motion_however_often_it_is_recovered(
+    tapped_daemon: DaemonProcess,
+    start_daemon: StartDaemon,
+    wiretap: Wiretap,
+    pilot: Transmitter,
+    truth: Truth,
+    breaks: Callable[[Transmitter], AbstractContextManager[None]],
+    *,
+    is_restarted: bool,
+) -> None:
+    """PX4 may take it to be in the air. It lifted off by a go-to, 2.8 m/s sideways, once control was asked back."""
+    daemon = tapped_daemon
+    with ual.Uav(address=daemon.address) as uav:
+        flight = Flight(uav, pilot)
+        take_off(flight, Doing(), "hover")
+        with breaks(pilot):
+            flight.wait_for(lambda: truth.fell_s is not None, "the fall", 5.0)
+            assert truth.fell_s is not None
+            _wait_until(truth.fell_s + STOPPED_S)
+            if is_restarted:
+                daemon.signal(signal.SIGKILL)
+                daemon.wait()
+    if is_restarted:
+        daemon = start_daemon("--url", wiretap.url, "--allow-arming", backend="mavlink")
+    accepted: list[str] = []
+    with ual.Uav(address=daemon.address) as uav:
+        lies_m, until_s = truth.height_m, time.monotonic() + WATCHED_S
+        while time.monotonic() < until_s:
+            for motion in (uav.recover_from_manual, partial(uav.set_velocity, Twist(Vector3(1.0, 0.0, 0.5)))):
+                told = uav.telemetry()
+                with suppress(UalError):
+                    motion()
+                    accepted.append(f"{told.state.name}: {told.state_reason}")
+            assert truth.height_m - lies_m < STAYS_M, accepted
+            time.sleep(0.1)  # between two tries
+        told = uav.telemetry()
+    print(f"{pilot.autopilot}, {breaks.__name__}: accepted {accepted}; {told.state.name}: {told.state_reason}")
 
 
 def _is_led_down(state: State, wiretap: Wiretap, fell_s: float) -> bool:

@@ -64,7 +64,7 @@ from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.flight.watched_commands import WatchedCommands
 from ual_daemon.tracker.drift import DriftCorrection
 from ual_daemon.tracker.limits import CurrentLimits
-from ual_daemon.tracker.references import VELOCITY_TIMEOUT_S, Reference, StopOnTrajectory, Velocity, brake
+from ual_daemon.tracker.references import VELOCITY_TIMEOUT_S, Reference, Velocity
 from ual_daemon.trajectory import Motion
 
 _log = logging.getLogger(__name__)
@@ -786,9 +786,7 @@ class Flight:
         self.geofence.estimate_jumped(jump.offset)
         self.drift.forget()
         self.following.forget()
-        stop: Reference = brake(snapshot, self.limits.get())
-        if jump.offset == Vector3() and isinstance(inside := self.brake(snapshot), StopOnTrajectory):
-            stop = inside  # its place is the same, and straight ahead it would leave the geofence
+        stop = self._stopping.stop_after_jump(self._current_reference(), jump, snapshot)
         self._swap(FlyReference("stop", stop, self._rules), partial(_ends_by_jump, jump, stop))
 
 

@@ -23,7 +23,7 @@ from ual_daemon.flight.setpoint_sender import SetpointSender
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.stopping import Stopping, motion_if_near
 from ual_daemon.flight.watched_commands import WatchedCommands
-from ual_daemon.tracker.references import Velocity, brake
+from ual_daemon.tracker.references import Velocity
 
 _log = logging.getLogger(__name__)
 
@@ -77,15 +77,19 @@ class FlightStepper:
         manoeuvre = self._flown.manoeuvre
         if manoeuvre is not None and self._step_one(manoeuvre, snapshot, raw):
             return
-        follower = self._flown.manoeuvre or self._begin_stop(snapshot, raw)
+        follower = self._flown.manoeuvre or self._begin_stop(manoeuvre, snapshot, raw)
         if follower is not None and not follower.is_awaited:  # another thread may have begun something: the next update
             self._step_one(follower, snapshot, raw)
 
-    def _begin_stop(self, snapshot: Snapshot, raw: Estimate) -> Manoeuvre | None:
-        """Stops a UAV that is UAL's to fly while nothing is flown. Returns None where it is not, or something is."""
+    def _begin_stop(self, ended: Manoeuvre | None, snapshot: Snapshot, raw: Estimate) -> Manoeuvre | None:
+        """Stops a UAV that is UAL's to fly while nothing is flown. Returns None where it is not, or something is.
+
+        `ended` is what was flown until now. It may be a stop that has a defect: the next one follows it no more.
+        """
         if not self._rules.may_send(snapshot, raw, is_begun=False):
             return None
-        stop = FlyReference("stop", brake(snapshot, self._rules.limits.get()), self._rules)
+        current = None if ended is None or not ended.is_awaited else ended.current_reference()
+        stop = FlyReference("stop", self._stopping.stop(current, snapshot), self._rules)
         return stop if self._swap(stop, lambda old: SILENT if old is None else None) else None
 
     def _step_one(self, manoeuvre: Manoeuvre, snapshot: Snapshot, raw: Estimate) -> bool:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import logging
 from itertools import islice
 
 from ual.errors import WrongStateError
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.policy.geofence import GeofencePolicy
+from ual_daemon.flight.policy.jumps import EstimateJump
 from ual_daemon.tracker.limits import CurrentLimits
 from ual_daemon.tracker.references import (
     Hold,
@@ -17,6 +19,8 @@ from ual_daemon.tracker.references import (
     measured_motion,
 )
 from ual_daemon.trajectory import Motion, Trajectory
+
+_log = logging.getLogger(__name__)
 
 _NEAR_REFERENCE_M = 1.0
 _NEAR_REFERENCE_S = 0.5
@@ -55,8 +59,31 @@ class Stopping:
         It begins with the motion of the current reference, except where that is only a pose. The UAV may be anywhere on
         its way there, so it then begins with the measured motion. It brakes straight ahead, or along the current
         trajectory, or at the current pose, where only straight ahead would leave the geofence. A stop may follow
-        another one.
+        another one. Where nothing else is known, it holds where it is then: an autopilot brakes for that as hard as it
+        can. So it does where the current reference has a defect.
         """
+        try:
+            return self._stop(current, snapshot)
+        except Exception:
+            if current is None:
+                raise
+            _log.exception("a reference failed as it was to stop; this is a defect of UAL, please report it")
+            return self._stop(None, snapshot)
+
+    def stop_after_jump(self, current: Reference | None, jump: EstimateJump, snapshot: Snapshot) -> Reference:
+        """Returns the same after the estimate has jumped: from the measured motion, or along where the trajectory is
+        now.
+        """
+        if isinstance(current, StopOnTrajectory):
+            current = current.followed
+        if isinstance(current, TrajectoryReference):
+            current.move(jump.offset, jump.yaw_rad)
+            stop = self.stop(current, snapshot)
+            if isinstance(stop, StopOnTrajectory):  # straight ahead it would leave the geofence
+                return stop
+        return self.stop(None, snapshot)
+
+    def _stop(self, current: Reference | None, snapshot: Snapshot) -> Reference:
         if isinstance(current, StopOnTrajectory):
             current = current.followed
         start = None if isinstance(current, Hold) else motion_if_near(current, snapshot)
@@ -69,7 +96,12 @@ class Stopping:
             return StopOnTrajectory(current, self._straight_stop)
         start_s = None if start is None or current is None else current.motion_time_s(snapshot)
         stop = brake(snapshot, self._limits.stop(), start, start_s)
-        return current if isinstance(current, Hold) and self._rests_sooner(current, stop, snapshot) else stop
+        if not self._leaves_geofence(stop.trajectory, snapshot):
+            return stop
+        if isinstance(current, Hold) and self._rests_sooner(current, stop, snapshot):
+            return current
+        here = measured_motion(snapshot)
+        return Hold(here.position, here.yaw_rad)
 
     def _rests_sooner(self, hold: Hold, stop: TrajectoryReference, snapshot: Snapshot) -> bool:
         """Returns whether the UAV rests sooner at a pose inside the geofence than straight ahead, outside of it.
@@ -78,11 +110,7 @@ class Stopping:
         """
         here = measured_motion(snapshot).position
         is_near = (hold.position - here).norm() < stop.trajectory.length_m
-        return (
-            is_near
-            and self._leaves_geofence(stop.trajectory, snapshot)
-            and self._geofence.fence(snapshot).exit((here, hold.position)) is None
-        )
+        return is_near and self._geofence.fence(snapshot).exit((here, hold.position)) is None
 
     def _straight_stop(self, start: Motion, snapshot: Snapshot) -> TrajectoryReference | None:
         """Returns the reference that brakes straight ahead from a motion; None if it would leave the geofence."""

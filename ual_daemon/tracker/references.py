@@ -15,7 +15,7 @@ from ual_daemon.backends.values import PositionSetpoint, Setpoint, Snapshot, Vel
 from ual_daemon.settings import ToleranceSettings
 from ual_daemon.tracker.drift import DriftCorrection
 from ual_daemon.tracker.time_scaling import TimeScaling
-from ual_daemon.trajectory import Brake, Motion, Trajectory
+from ual_daemon.trajectory import Brake, Motion, Moved, Trajectory
 
 VELOCITY_TIMEOUT_S = 0.5
 """Seconds without a renewal after which a velocity reference ends: the UAV stops and holds (contract)."""
@@ -165,6 +165,11 @@ class TrajectoryReference(Reference):
     def is_finished(self) -> bool:
         """Whether the reference has come to the end; the UAV may still be on its way."""
         return self.time_s >= self.trajectory.duration_s
+
+    def move(self, offset: Vector3, yaw_rad: float) -> None:
+        """Moves the trajectory, and turns its headings, as the estimate has jumped."""
+        self.trajectory = moved = Moved(self.trajectory, offset, yaw_rad)
+        self._time.move_to(moved)
 
     @override
     def setpoint(self, snapshot: Snapshot) -> Setpoint:

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from ual_daemon.trajectory import Brake, Motion, Trajectory
+from ual_daemon.trajectory import Brake, Motion, Moved, Trajectory
 from ual_daemon.trajectory.envelope import (
     RAMP_S,
     acceleration_share,
@@ -107,6 +107,10 @@ class TimeScaling:
         self._changing_s = 0.0
         self._wait_s = 0.0
         self._try_count = 0
+
+    def move_to(self, moved: Moved) -> None:
+        """Goes on, at the same time, on the trajectory that has moved."""
+        self._trajectory, self.motion = moved, moved.moved(self.motion)
 
     def advance(self, passed_s: float, limit_s: float, wanted_scale: float) -> None:
         """Lets real time pass, but the trajectory's time not beyond a limit. The scale becomes `wanted_scale` (0 to 1)

@@ -175,6 +175,15 @@ def turn_estimate(uav: Stepped) -> None:
     uav.vehicle._flight.estimate_jumped(EstimateJump(yaw_rad=0.5), uav.vehicle.backend.snapshot())
 
 
+def move_estimate(uav: Stepped) -> None:
+    uav.vehicle._flight.estimate_jumped(EstimateJump(Vector3(0.0, 0.3, 0.0)), uav.vehicle.backend.snapshot())
+
+
+def break_manoeuvre(uav: Stepped) -> None:
+    """A step of what is flown raises, as by a defect."""
+    del uav.vehicle._flight.manoeuvre._watched_s  # type: ignore[union-attr]
+
+
 def pass_time_limit(uav: Stepped) -> None:
     uav.vehicle._flight.manoeuvre._longest_s = 0.0  # type: ignore[union-attr]
 
@@ -189,8 +198,20 @@ def pass_time_limit(uav: Stepped) -> None:
         (50.0, abort, lambda uav: uav.vehicle.release_lease(uav.vehicle.acquire_lease("another", ""))),
         (50.0, turn_estimate, nothing),
         (50.0, pass_time_limit, nothing),
+        (50.0, break_manoeuvre, nothing),
+        (50.0, move_estimate, nothing),
     ],
-    ids=["early", "in the middle", "late", "aborted twice", "then a lease", "the heading jumps", "the time limit"],
+    ids=[
+        "early",
+        "in the middle",
+        "late",
+        "aborted twice",
+        "then a lease",
+        "the heading jumps",
+        "the time limit",
+        "a defect",
+        "the position jumps",
+    ],
 )
 def test_a_stop_before_a_corner_at_the_edge_comes_to_rest_along_the_path(
     flown_m: float, stop: Callable[[Stepped], object], again: Callable[[Stepped], object]
