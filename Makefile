@@ -18,7 +18,7 @@ TOOLS := clients/python/ual_tools
 DISTRIBUTIONS := pyproject.toml $(CLIENT)/pyproject.toml $(TOOLS)/pyproject.toml ual_daemon/_version.py \
 	$(CLIENT)/ual/__init__.py $(TOOLS)/__init__.py
 
-.PHONY: help install dev dist release run test test-all test-changed coverage test-thorough test-newest test-newest-grpc test-oldest-grpc test-newest-python test-clients test-ros2 lock lint docs pages format clients proto proto-check proto-baseline sbom wire interface bench bench-guard bench-fleet bench-tracker clean
+.PHONY: help install dev dist release run test test-all test-changed coverage test-thorough test-newest test-newest-grpc test-oldest-grpc test-newest-python test-clients test-ros2 lock lint docs pages format clients proto proto-check proto-baseline sbom wire interface dialect bench bench-guard bench-fleet bench-tracker clean
 
 help:  ## What can be made
 	@sed -n 's/^\([a-z-]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 16
@@ -200,6 +200,9 @@ wire: $(DEV)  ## Records bytes of what is new in the contract, in tests/data/wir
 
 interface: $(DEV)  ## Records the public names of Python that are new, in tests/data/interface.txt
 	$(BIN)/python -m tests.interface
+
+dialect: $(DEV)  ## MAVLink's messages and constants, of the installed pymavlink
+	$(BIN)/python -m tools.dialect
 
 bench: $(DEV) $(VENV)/.bench  ## How fast and how small UAL is beside MAVSDK; BENCH=--quick for a short look
 	$(BIN)/python -m benchmarks $(BENCH)

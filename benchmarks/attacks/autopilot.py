@@ -12,6 +12,7 @@ import sys
 import threading
 from typing import Any
 
+from pymavlink.dialects.v20 import all as mavlink
 from typing_extensions import override
 
 from benchmarks import marks
@@ -20,7 +21,6 @@ from benchmarks.children import serve
 from tests.simulators.ports import Address, Port
 from tests.simulators.px4 import Px4
 from tests.simulators.runner import run
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 _SETPOINT_ID = mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED
 _HEADER_SIZE = 10

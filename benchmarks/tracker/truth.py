@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import math
 
+from pymavlink.dialects.v20 import all as mavlink
+
 from tests.sitl.transmitter import Transmitter
 from ual.geometry import Vector3
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 
 RATE_HZ = 50.0
 _LATITUDE_M = 111_195.0

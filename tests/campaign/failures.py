@@ -6,11 +6,12 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 
+from pymavlink.dialects.v20 import all as mavlink
+
 from tests.campaign.plan import Fault
 from tests.campaign.rig import Rig
 from tests.sitl.transmitter import Sticks
 from tests.sitl.troubles import Change, changed
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 Wait = Callable[[float], object]
 """Waits so long, or until the flight is over."""

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import time
 
+from pymavlink.dialects.v20 import all as mavlink
+
 from tests.campaign.befall import Befalling
 from tests.campaign.evidence import SERVICES
 from tests.campaign.plan import FOREIGN, PLAIN, Plan, Step
 from tests.campaign.processes import FlightFailedError
 from tests.campaign.record import Place, Record
 from tests.campaign.rig import Rig, take_mode
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 _ARMED_S = 15.0
 """A daemon that is killed and started may have to tell it first."""

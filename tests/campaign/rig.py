@@ -12,6 +12,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from pymavlink.dialects.v20 import all as mavlink
+
 import ual
 from tests.campaign.ears import Ears
 from tests.campaign.evidence import REFUSED, estimate_error_m
@@ -37,7 +39,6 @@ from tests.simulators.faults import GOOD
 from tests.sitl.transmitter import Transmitter
 from tests.sitl.wiretap import Wiretap
 from ual.types import Telemetry
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 _PARAMETERS = {
     "ardupilot": {

@@ -1,9 +1,10 @@
 from __future__ import annotations
 
+from pymavlink.dialects.v20 import all as mavlink
+
 from tests.campaign.ears import Ears
 from tests.campaign.positions import Origin
 from tests.campaign.record import Record, ReportedSample
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 OFFBOARD, POSCTL = 6 << 16, 3 << 16
 

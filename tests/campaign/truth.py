@@ -8,10 +8,13 @@ import threading
 import time
 from urllib.parse import urlsplit
 
+from pymavlink.dialects.v20 import all as mavlink
+
 from tests.campaign.positions import Origin, distance_m
 from tests.campaign.record import Located, Place, Record
+from tests.simulators.codec import AutopilotCodec
 from ual_daemon.backends.mavlink.wire.frames import FrameReader
-from ual_daemon.backends.mavlink.wire.messages import Codec, CorruptFrameError, Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 
 STATION_ID = 253
 _TRUTHS = frozenset({mavlink.MAVLINK_MSG_ID_SIM_STATE, mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION})
@@ -43,7 +46,7 @@ class TruthLink:
         self._is_udp = parts.scheme == "udpin"
         self.record = record
         self._origin = origin
-        self._codec = Codec(mavlink.MAV_COMP_ID_MISSIONPLANNER)
+        self._codec = AutopilotCodec(mavlink.MAV_COMP_ID_MISSIONPLANNER)
         self._codec.join(STATION_ID)
         self._lock = threading.Lock()
         self._link: socket.socket | None = None
@@ -114,7 +117,7 @@ class TruthLink:
                 raise ConnectionResetError
             for frame in reader.feed(data):
                 if frame.message_id in _NOTED:
-                    with contextlib.suppress(CorruptFrameError):
+                    with contextlib.suppress(mavlink.MAVError):
                         self._note(self._codec.decode(frame))
                 if frame.component_id == mavlink.MAV_COMP_ID_AUTOPILOT1 and not self._system_id:
                     self._system_id = frame.system_id

@@ -8,6 +8,8 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 from functools import partial
 
+from pymavlink.dialects.v20 import all as mavlink
+
 from tests.simulators import parameter_files
 from tests.simulators.autopilot import ACCEPTED, FAILED, STEP_S, UNSUPPORTED, Autopilot, Sticks
 from tests.simulators.channel import Channel
@@ -15,7 +17,7 @@ from tests.simulators.mission_flight import ACTIVE, COMPLETE, NAV_LAST, NOT_STAR
 from tests.simulators.mission_store import ArduPilotStore, Sender
 from tests.simulators.physics import Agility, Target, Vector, clamp, plus
 from tests.simulators.ports import Port
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 from ual_daemon.geodesy import FlatProjection
 
 STABILIZE, ALT_HOLD, AUTO, GUIDED, LOITER, RTL, LAND, POSHOLD, BRAKE = 0, 2, 3, 4, 5, 6, 9, 16, 17

@@ -14,6 +14,8 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
+from pymavlink.dialects.v20 import all as mavlink
+
 from tests.simulators.channel import Channel
 from tests.simulators.fence import CIRCLES, POLYGONS, Fence, Item
 from tests.simulators.files import FileStore
@@ -28,7 +30,7 @@ from tests.simulators.trigger import Trigger
 from ual.geometry import Vector3
 from ual_daemon.backends.firmwares.mission_items import MissionItem
 from ual_daemon.backends.mavlink.wire.frames import MavlinkFrame
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 from ual_daemon.geodesy import Projection
 
 STEP_S = 0.02

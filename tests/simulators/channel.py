@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from pymavlink.dialects.v20 import all as mavlink
+
+from tests.simulators.codec import AutopilotCodec
 from tests.simulators.ports import Port
 from ual_daemon.backends.mavlink.wire.frames import FrameReader, MavlinkFrame
-from ual_daemon.backends.mavlink.wire.messages import Codec, CorruptFrameError, Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 
 _GROUND_STATION_S = 5.0
 
@@ -36,7 +39,7 @@ class Channel:
 
     def boot(self, system_id: int, now_s: float, component_id: int = mavlink.MAV_COMP_ID_AUTOPILOT1) -> None:
         """Resets it to the state after booting."""
-        self._codec = Codec(component_id)
+        self._codec = AutopilotCodec(component_id)
         self._codec.join(system_id)
         self._reader = FrameReader()
         self._ground_station_s = -math.inf
@@ -61,7 +64,7 @@ class Channel:
             for frame in frames:
                 try:
                     message = self._codec.decode(frame)
-                except CorruptFrameError:
+                except mavlink.MAVError:
                     continue
                 if frame.message_id == mavlink.MAVLINK_MSG_ID_HEARTBEAT and message.type == mavlink.MAV_TYPE_GCS:
                     self._ground_station_s = now_s

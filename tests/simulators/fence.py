@@ -5,10 +5,11 @@ from __future__ import annotations
 import dataclasses
 from typing import NamedTuple
 
+from pymavlink.dialects.v20 import all as mavlink
+
 from tests.simulators.mission_store import FENCE, MissionStore
 from ual.geometry import Vector3
 from ual_daemon.backends.firmwares.mission_items import MissionItem
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.geodesy import Projection
 
 POLYGONS = {

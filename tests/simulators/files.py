@@ -11,8 +11,10 @@ from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
+from pymavlink.dialects.v20 import all as mavlink
+
 from ual_daemon.backends.mavlink.protocols.ftp_packet import BLOCK_BYTES, FtpPacket, Nak, Opcode, decode
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 
 if TYPE_CHECKING:
     from tests.simulators.mission_store import Sender

@@ -15,7 +15,10 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
+from pymavlink.dialects.v20 import all as mavlink
+
 from tests.simulators.autopilot import Autopilot
+from tests.simulators.codec import AutopilotCodec
 from tests.simulators.mavros_missions import NAMES, ListPlugin
 from tests.simulators.mavros_parameters import ParamPlugin, on_server
 from tests.simulators.ports import MemoryPort
@@ -30,7 +33,6 @@ from ual_daemon.backends.mavlink.dialects.axes import (
     orientation_to_enu,
 )
 from ual_daemon.backends.mavlink.wire.frames import FrameReader
-from ual_daemon.backends.mavlink.wire.messages import Codec, CorruptFrameError, mavlink
 
 BEGIN_UTC_S = 1.8e9
 EGM96_M = 47.9
@@ -99,7 +101,7 @@ class Mavros:
         self._port = port
         self._has_gps_status = has_gps_status
         self._bootup_s = bootup_s
-        self._codec = Codec(240)
+        self._codec = AutopilotCodec(240)
         self._codec.join(1)
         self._out: deque[tuple[str, Message]] = deque()
         self._handlers: dict[str, Callable[[Any], None]] = {
@@ -275,7 +277,7 @@ class Mavros:
                 if frame.message_id == _EVENT:
                     self._event(frame.payload)
                     continue
-                with contextlib.suppress(CorruptFrameError):  # also of a message that it does not know
+                with contextlib.suppress(mavlink.MAVError):  # also of a message that it does not know
                     message = self._codec.decode(frame)
                     self._handlers.get(message.get_type(), lambda _: None)(message)
 

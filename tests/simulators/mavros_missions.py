@@ -6,8 +6,9 @@ import math
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from pymavlink.dialects.v20 import all as mavlink
+
 from tests.simulators.rosbridge import Answer, Later, Message, RefusedError, Service
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 NAMES = {"mission": 0, "geofence": 1, "rallypoint": 2}
 TIMEOUT_S, LIST_TIMEOUT_S, RETRIES_COUNT = 1.0, 30.0, 3

@@ -8,8 +8,9 @@ import struct
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from pymavlink.dialects.v20 import all as mavlink
+
 from tests.simulators.rosbridge import Answer, Later, Message, RefusedError, Service
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 TIMEOUT_S, LIST_TIMEOUT_S, RETRIES_COUNT = 1.0, 30.0, 3
 _REAL: int = mavlink.MAV_PARAM_TYPE_REAL32

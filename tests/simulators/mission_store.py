@@ -11,9 +11,11 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
 
+from pymavlink.dialects.v20 import all as mavlink
+
 from tests.simulators.channel import Channel, RawMessage
 from ual_daemon.backends.firmwares.mission_items import MissionItem
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 
 MISSION: int = mavlink.MAV_MISSION_TYPE_MISSION
 FENCE: int = mavlink.MAV_MISSION_TYPE_FENCE

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
+from pymavlink.dialects.v20 import all as mavlink
+
 from ual.geometry import Quaternion
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 
 if TYPE_CHECKING:
     from tests.simulators.autopilot import Autopilot

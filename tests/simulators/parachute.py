@@ -4,7 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
+from pymavlink.dialects.v20 import all as mavlink
+
+from tests.simulators.codec import AutopilotCodec
+from ual_daemon.backends.mavlink.wire.messages import Message
 
 if TYPE_CHECKING:
     from tests.simulators.autopilot import Autopilot
@@ -32,7 +35,7 @@ class Parachute:
         self.component_id = COMPONENT if is_component else autopilot.component_id
         self._is_component = is_component
         self._autopilot = autopilot
-        self._codec = Codec(COMPONENT)
+        self._codec = AutopilotCodec(COMPONENT)
         self._codec.join(autopilot.system_id)
         with autopilot.lock:
             autopilot.parachute = self

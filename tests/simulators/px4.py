@@ -7,6 +7,8 @@ import struct
 from collections.abc import Callable
 from typing import NamedTuple
 
+from pymavlink.dialects.v20 import all as mavlink
+
 from tests.simulators import parameter_files
 from tests.simulators.autopilot import (
     ACCEPTED,
@@ -18,14 +20,13 @@ from tests.simulators.autopilot import (
     Sticks,
     filler,
 )
-from tests.simulators.channel import Channel
+from tests.simulators.channel import Channel, RawMessage
 from tests.simulators.mission_flight import ACTIVE, COMPLETE, PAUSED
 from tests.simulators.mission_store import Px4Store, Sender
 from tests.simulators.physics import Agility, Target, Vector, clamp, plus
 from tests.simulators.ports import Port
 from ual_daemon.backends.firmwares.px4_events import event_id
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
-from ual_daemon.backends.mavlink.wire.newer_messages import COMPONENT_METADATA_ID, ComponentMetadataMessage
+from ual_daemon.backends.mavlink.wire.messages import Message
 from ual_daemon.geodesy import SphereProjection
 
 
@@ -80,6 +81,7 @@ _BLIND_DESCENT_M_S = 0.18
 """The speed of descent without a position."""
 _UID = int.from_bytes(b"ONIDLATI", "little")
 _EVENT, _EVENT_CRC_EXTRA = 410, 160
+_COMPONENT_METADATA, _COMPONENT_METADATA_CRC_EXTRA = 397, 182
 # Ids, log levels and arguments of events, as recorded. The id of the denial is the hash of its name.
 _ARMED, _DISARMED = (0x0190CAF3, 0x66, b"\x04"), (0x01F46777, 0x66, b"\x06")
 _TAKEOFF_DETECTED, _LANDING_DETECTED = (0x01414569, 0x66, b""), (0x019638AC, 0x66, b"")
@@ -720,7 +722,7 @@ class Px4(Autopilot):
             mavlink.MAVLINK_MSG_ID_RC_CHANNELS: lambda: None,  # accepted; without a transmitter none comes
             # reports the position of the pilot, from GPS
             mavlink.MAVLINK_MSG_ID_OPEN_DRONE_ID_SYSTEM: lambda: remote_id() if self.is_gps_good else None,
-            COMPONENT_METADATA_ID: self._component_metadata,
+            _COMPONENT_METADATA: self._component_metadata,
             mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: lambda: mavlink.MAVLink_system_time_message(0, self.time_ms),
         }
 
@@ -745,7 +747,9 @@ class Px4(Autopilot):
         files, crc = parameter_files.described()
         self.files.files.update(files)
         uri = f"mftp://{parameter_files.GENERAL}".encode()
-        return ComponentMetadataMessage(self.time_ms, crc, uri)
+        return RawMessage(
+            _COMPONENT_METADATA, struct.pack("<II100s", self.time_ms, crc, uri), _COMPONENT_METADATA_CRC_EXTRA
+        )
 
     def _stream(self, channel: Channel, message_id: int) -> None:
         if message_id == mavlink.MAVLINK_MSG_ID_CURRENT_MODE:

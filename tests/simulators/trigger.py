@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
+from pymavlink.dialects.v20 import all as mavlink
+
 from tests.simulators.physics import Vector, minus
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 if TYPE_CHECKING:
     from tests.simulators.autopilot import Autopilot

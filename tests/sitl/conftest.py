@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from urllib.parse import urlsplit
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.conftest import DaemonProcess, StartDaemon
 from tests.sitl.flights import PATIENCE_S, Flight
@@ -18,7 +19,6 @@ from tests.sitl.transmitter import Transmitter
 from tests.sitl.truth import Truth
 from tests.sitl.wiretap import Wiretap
 from ual_daemon import UAL
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 TIMES_VARIABLE = "UAL_TEST_TIMES"
 FORCE = 21196.0

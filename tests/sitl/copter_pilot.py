@@ -7,9 +7,11 @@ import struct
 import time
 from collections.abc import Sequence
 
+from pymavlink.dialects.v20 import all as mavlink
+
 from tests.sitl.transmitter import PATIENCE_S, Transmitter
 from ual_daemon.backends.mavlink.wire.frames import FrameReader, MavlinkFrame
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 
 GROUND_STATION_ID = 254
 FIRST_PORT, FIRST_STICKS_PORT = 5762, 5501

@@ -5,12 +5,13 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+from pymavlink.dialects.v20 import all as mavlink
+
 from tests.sitl.transmitter import Transmitter
 from tests.waiting import until
 from ual.geometry import Pose, Vector3
 from ual.interface import Uav
 from ual.types import State
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 PATIENCE_S = 40.0
 HEIGHT_M = 3.0

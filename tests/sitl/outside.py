@@ -8,12 +8,14 @@ import threading
 import time
 from dataclasses import replace
 
+from pymavlink.dialects.v20 import all as mavlink
+
 from tests.sitl.transmitter import Transmitter
 from ual.errors import UalError
 from ual.geometry import Pose, PoseStamped, Quaternion, Vector3
 from ual.interface import Uav
 from ual_daemon.backends.mavlink.dialects.axes import orientation_to_enu
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 
 RATE_HZ = 50.0
 NOISE_M = 0.005

@@ -5,9 +5,10 @@ from __future__ import annotations
 import socket
 from collections.abc import Sequence
 
+from pymavlink.dialects.v20 import all as mavlink
+
 from tests.sitl.transmitter import Transmitter
 from ual_daemon.backends.mavlink.wire.frames import MavlinkFrame, split
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 GROUND_STATION_ID = 255
 _POSCTL = 3

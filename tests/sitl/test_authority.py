@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.sitl.copter_pilot import GUIDED, CopterPilot
 from tests.sitl.flights import HEIGHT_M, PATIENCE_S, Flight
@@ -14,7 +15,6 @@ from tests.sitl.wiretap import Wiretap
 from ual.errors import GeofenceError, PermissionDeniedError, TaskAbortedError, WrongStateError
 from ual.types import Health, State
 from ual_daemon import UAL
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 pytestmark = [pytest.mark.sitl, pytest.mark.timeout(300)]
 

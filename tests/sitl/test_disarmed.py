@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.sitl.conftest import FORCE
 from tests.sitl.doing import HEIGHT_M, Doing, mission_of, take_off, waypoints
@@ -15,7 +16,6 @@ from ual.errors import TaskAbortedError, WrongStateError
 from ual.missions import Land
 from ual.types import State
 from ual_daemon import UAL
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 pytestmark = [pytest.mark.sitl, pytest.mark.timeout(300), pytest.mark.usefixtures("lands_in_the_end")]
 

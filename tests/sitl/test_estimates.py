@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.sitl.flights import PATIENCE_S, Flight
 from tests.sitl.pilot import SafetyPilot
@@ -16,7 +17,7 @@ from ual.errors import TaskAbortedError
 from ual.geometry import Quaternion, wrap_angle
 from ual.types import State
 from ual_daemon import UAL
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 
 pytestmark = [pytest.mark.sitl, pytest.mark.timeout(300)]
 

@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.backend_of import backend_of
 from tests.sitl.flights import Flight
@@ -14,7 +15,6 @@ from ual.errors import GeofenceError, WrongStateError
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import State
 from ual_daemon import UAL
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 pytestmark = [pytest.mark.sitl, pytest.mark.timeout(240)]
 

@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.simulators.faults import GOOD, Faults
 from tests.sitl.flights import PATIENCE_S, Flight
@@ -16,7 +17,7 @@ from tests.sitl.wiretap import Wiretap
 from ual.errors import TaskAbortedError, UalError, WrongStateError
 from ual.types import State
 from ual_daemon import UAL
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 
 pytestmark = [pytest.mark.sitl, pytest.mark.timeout(300)]
 

@@ -8,13 +8,13 @@ from contextlib import contextmanager
 from time import monotonic
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.sitl.doing import Doing, take_off, waited
 from tests.sitl.flights import Flight
 from tests.sitl.transmitter import Transmitter
 from tests.sitl.wiretap import Wiretap
 from ual_daemon import UAL
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 pytestmark = [pytest.mark.sitl, pytest.mark.timeout(300)]
 

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from time import monotonic
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 import ual
 from tests.conftest import DaemonProcess, StartDaemon
@@ -20,7 +21,6 @@ from ual.errors import UalError, UalTimeoutError
 from ual.geometry import Twist, Vector3
 from ual.types import State, Telemetry
 from ual_daemon import UAL
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 pytestmark = [pytest.mark.sitl, pytest.mark.timeout(300), pytest.mark.usefixtures("lands_in_the_end")]
 

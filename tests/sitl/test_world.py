@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.backend_of import backend_of
 from tests.sitl.copter_pilot import CopterPilot
@@ -20,7 +21,6 @@ from ual.errors import GeofenceError, TaskAbortedError, WrongStateError
 from ual.geometry import Pose, Vector3
 from ual.types import AltitudeReference, State
 from ual_daemon import UAL
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 pytestmark = [pytest.mark.sitl, pytest.mark.timeout(300)]
 

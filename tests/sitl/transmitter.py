@@ -10,9 +10,12 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from pymavlink.dialects.v20 import all as mavlink
+
+from tests.simulators.codec import AutopilotCodec
 from tests.waiting import until
 from ual_daemon.backends.mavlink.wire.frames import MavlinkFrame
-from ual_daemon.backends.mavlink.wire.messages import Codec, CorruptFrameError, Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 
 PATIENCE_S = 90.0
 SEND_AGAIN_S = 1.5
@@ -43,7 +46,7 @@ class Transmitter(ABC):
     def __init__(self, link: socket.socket, system_id: int) -> None:
         self._link = link
         self._link.settimeout(self.sticks_s)
-        self._codec = Codec(mavlink.MAV_COMP_ID_MISSIONPLANNER)
+        self._codec = AutopilotCodec(mavlink.MAV_COMP_ID_MISSIONPLANNER)
         self._codec.join(system_id)
         self._changed = threading.Condition()
         self._system_id = 0
@@ -232,7 +235,7 @@ class Transmitter(ABC):
                 if frame.component_id == mavlink.MAV_COMP_ID_AUTOPILOT1 and self._hears(frame.message_id):
                     try:
                         message = self._codec.decode(frame)
-                    except CorruptFrameError:
+                    except mavlink.MAVError:
                         continue
                     with self._changed:
                         self._system_id = frame.system_id

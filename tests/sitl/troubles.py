@@ -6,8 +6,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
+from pymavlink.dialects.v20 import all as mavlink
+
 from tests.sitl.transmitter import Transmitter
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 NEAR_FENCE_M = 8.0
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 import math
 import time
 
+from pymavlink.dialects.v20 import all as mavlink
+
 from tests.sitl.transmitter import Transmitter
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 
 FALLS_M_S = 3.0
 """Faster than any descent of these flights."""

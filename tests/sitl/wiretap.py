@@ -14,9 +14,12 @@ from dataclasses import dataclass
 from typing import Protocol
 from urllib.parse import urlsplit
 
+from pymavlink.dialects.v20 import all as mavlink
+
+from tests.simulators.codec import AutopilotCodec
 from tests.simulators.faults import GOOD, Variant
 from ual_daemon.backends.mavlink.wire.frames import FrameReader
-from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 
 _ASKING = {
     mavlink.MAV_CMD_SET_MESSAGE_INTERVAL,
@@ -71,8 +74,8 @@ class Wiretap:
         assert parts.hostname is not None
         assert parts.port is not None
         self._autopilot = (parts.hostname, parts.port)
-        self._codec = Codec(0)
-        self._injector = Codec(mavlink.MAV_COMP_ID_MISSIONPLANNER)
+        self._codec = AutopilotCodec(0)
+        self._injector = AutopilotCodec(mavlink.MAV_COMP_ID_MISSIONPLANNER)
         self._injector.join(_STATION_ID)
         self._reader = FrameReader()
         self._lock = threading.Lock()

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 import ual
 from tests.conftest import DaemonProcess, StartDaemon
@@ -23,7 +24,6 @@ from ual.geometry import Pose, PoseStamped, Twist, Vector3
 from ual.missions.items import Waypoint
 from ual.types import State
 from ual_daemon import UAL
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 HOST = "127.0.0.1"
 PLACES = frozenset({mavlink.MAVLINK_MSG_ID_HOME_POSITION, mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN})

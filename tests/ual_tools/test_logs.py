@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
+from pymavlink.dialects.v20 import all as mavlink
 
 import ual
 from tests.conftest import DaemonProcess, StartDaemon
@@ -20,7 +21,7 @@ from tests.waiting import until, until_state
 from ual.errors import InvalidArgumentError, NotSupportedError, ResourceExhaustedError
 from ual.logs import Log, LogChunk
 from ual.types import State
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 from ual_tools.logs import doubt_of_last
 from ual_tools.main import cli
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
+from pymavlink.dialects.v20 import all as mavlink
 
 import ual
 from tests.conftest import DaemonProcess, StartDaemon
@@ -27,7 +28,7 @@ from ual.errors import (
 )
 from ual.parameters import Parameter, ParameterType
 from ual.types import State
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 from ual_tools.main import cli
 
 NAME = "MPC_LAND_SPEED"

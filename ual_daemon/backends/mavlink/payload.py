@@ -47,7 +47,7 @@ STREAMED = ("CAMERA_", "GIMBAL_", "MOUNT_", "WINCH_")
 
 _PARAMS_COUNT = 7
 _NAMES = {int(getattr(mavlink, f"MAV_CMD_{name}")): name for name in PERMITTED}
-_IDS: dict[str, int] = {kind.msgname: message_id for message_id, kind in mavlink.mavlink_map.items()}
+_IDS: dict[str, int] = {kind.name: message_id for message_id, kind in mavlink.mavlink_map.items()}
 
 
 class MavlinkPayload(Payload):

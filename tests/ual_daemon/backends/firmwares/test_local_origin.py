@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from pymavlink.dialects.v20 import all as mavlink
+
 from tests.ual_daemon.backends.mavlink.fakes import Harness, ack, heartbeat
 from ual.geometry import Vector3
 from ual.types import GeoPoint
 from ual_daemon.backends.firmwares.local_origin import LocalOrigin
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.geodesy import FlatProjection
 
 ORIGIN = FlatProjection(47.0, 8.0, 400.0)

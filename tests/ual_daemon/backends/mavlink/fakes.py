@@ -4,8 +4,10 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+from pymavlink.dialects.v20 import all as mavlink
 from typing_extensions import override
 
+from tests.simulators.codec import AutopilotCodec
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
 from ual_daemon.backends.mavlink.links import Address
 from ual_daemon.backends.mavlink.playback import NoLink
@@ -13,7 +15,7 @@ from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.session.session import MavlinkSession
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
 from ual_daemon.backends.mavlink.wire.frames import split
-from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 from ual_daemon.backends.mavlink.wire.signing import Signer
 
 UTC_S = 1.8e9
@@ -25,7 +27,7 @@ BOOT_MS = 5000
 
 def packer(system_id: int = 1, component_id: int = mavlink.MAV_COMP_ID_AUTOPILOT1) -> Callable[[Message], bytes]:
     """Returns the encoder of messages into the bytes that a component of a system sends."""
-    codec = Codec(component_id)
+    codec = AutopilotCodec(component_id)
     codec.join(system_id)
     return codec.encode
 
@@ -70,7 +72,7 @@ class FakeLink(NoLink):
 
     def take(self, kind: str) -> list[Any]:
         """The messages of a kind sent since the last `take`."""
-        codec = Codec(1)
+        codec = AutopilotCodec(1)
         frames = [frame for data in self.sent for frame in split(data)[0]]
         self.sent.clear()
         return [message for frame in frames if (message := codec.decode(frame)).get_type() == kind]

@@ -4,11 +4,12 @@ import random
 from collections.abc import Callable, Collection
 from typing import Any
 
+from pymavlink.dialects.v20 import all as mavlink
+
 from tests.ual_daemon.backends.mavlink.fakes import ADDRESS, Harness, heartbeat, packer
 from tests.ual_daemon.backends.mavlink.traces import load
 from ual.types import State
 from ual_daemon.backends.mavlink.wire import checksum
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.flight.state import estimate
 
 TICK_S = 0.02

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from typing import cast
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.conftest import LIMIT_S
 from tests.simulators import ArduPilot, Px4
@@ -19,7 +20,6 @@ from tests.ual_daemon.backends.mavlink.test_autopilot_own_missions import at, bo
 from ual.errors import LeaseHeldError, WrongStateError
 from ual.missions import TakeOff
 from ual.types import State
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.backends.values import Cause, Snapshot
 from ual_daemon.program.auto_arm import auto_arm
 from ual_daemon.server.telemetry_stream import Updates

@@ -5,18 +5,19 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.conftest import LIMIT_S
 from tests.simulators import ArduPilot, Px4, px4
 from tests.simulators.ardupilot import GUIDED, RTL, STABILIZE
 from tests.simulators.autopilot import Sticks
+from tests.simulators.codec import AutopilotCodec
 from tests.simulators.faults import GOOD
 from tests.simulators.px4 import ALTCTL
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import HEIGHT_M, SILENT, Flight, px4_of
 from tests.waiting import until
 from ual.errors import TaskAbortedError, WrongStateError
 from ual.types import State
-from ual_daemon.backends.mavlink.wire.messages import Codec, mavlink
 from ual_daemon.flight.policy.authority import LONGEST_LINK_GAP_S
 
 OURS, GROUND_STATION = (1, 191), (255, 190)
@@ -28,7 +29,7 @@ class GroundStation:
 
     def __init__(self, flight: Flight) -> None:
         self._flight = flight
-        self._codec = Codec(GROUND_STATION[1])
+        self._codec = AutopilotCodec(GROUND_STATION[1])
         self._codec.join(GROUND_STATION[0])
 
     def send(self, message: object) -> None:

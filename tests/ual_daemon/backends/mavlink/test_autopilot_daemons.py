@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 from grpc_health.v1 import health_pb2, health_pb2_grpc
+from pymavlink.dialects.v20 import all as mavlink
 
 import ual
 from tests.conftest import LIMIT_S, DaemonProcess, StartDaemon
@@ -18,7 +19,6 @@ from tests.simulators.px4 import LOITER
 from tests.waiting import until, until_state
 from ual.geometry import Pose
 from ual.types import State
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 ASKING = {mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_CMD_REQUEST_MESSAGE}
 PATIENT = {"backend": "patient_mavlink", "module": "tests.simulators.daemon"}

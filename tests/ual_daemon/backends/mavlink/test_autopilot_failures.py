@@ -9,6 +9,7 @@ from contextlib import suppress
 from functools import partial
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.conftest import LIMIT_S
 from tests.simulators import ArduPilot, Px4, px4
@@ -21,7 +22,7 @@ from ual.errors import TaskAbortedError, UalTimeoutError, WrongStateError
 from ual.geometry import Twist, TwistStamped, Vector3
 from ual.interface import Task
 from ual.types import State, Telemetry
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 from ual_daemon.backends.values import Cause
 
 FALLS = ("dies", "killed")

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from concurrent.futures import Future
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.conftest import LIMIT_S
 from tests.simulators import ArduPilot, Faults
@@ -16,7 +17,6 @@ from ual import interface
 from ual.errors import GeofenceError, TaskAbortedError, UalTimeoutError
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import State
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.backends.values import Zone
 
 RADIUS_M, HIGHEST_M = 30.0, 20.0

@@ -6,6 +6,7 @@ import logging
 from collections.abc import Callable, Iterator
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.simulators import ArduPilot, Faults
 from tests.simulators.mission_store import FENCE, RALLY
@@ -15,7 +16,6 @@ from ual.fences import FencePlan, FenceZone, RallyPoint
 from ual.geometry import Pose
 from ual.types import AltitudeReference, State
 from ual_daemon.backends.firmwares.mission_items import MissionItem
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.settings import GeofenceSettings, VehicleSettings
 
 KINDS = ["px4", "ardupilot"]

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.conftest import LIMIT_S
 from tests.simulators import ArduPilot, Autopilot, BadLink, Faults, MemoryPort, Px4
@@ -20,7 +21,6 @@ from ual.geometry import Pose
 from ual.types import State, Telemetry
 from ual_daemon import UAL
 from ual_daemon.backends.base import BackendOptions
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.settings import VehicleSettings
 
 SPEED = 12.0

@@ -7,12 +7,12 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.simulators.physics import plus
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
 from ual.geometry import Vector3
 from ual.types import AltitudeReference, GeoPoint, State
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 HEIGHT_M = 9.0
 

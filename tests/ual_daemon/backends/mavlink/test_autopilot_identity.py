@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.conftest import LIMIT_S
 from tests.simulators import ArduPilot
@@ -12,7 +13,6 @@ from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
 from ual.errors import NotSupportedError, WrongStateError
 from ual.geometry import Twist, Vector3
 from ual.types import State
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 
 @pytest.fixture

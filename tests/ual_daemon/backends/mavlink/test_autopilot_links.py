@@ -5,13 +5,13 @@ from __future__ import annotations
 import logging
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.simulators import ArduPilot, Px4
 from tests.simulators.autopilot import Autopilot
 from tests.simulators.faults import Faults
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight, UsualRates
 from ual.types import State
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 KINDS = ["px4", "ardupilot"]
 

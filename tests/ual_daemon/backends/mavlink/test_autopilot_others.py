@@ -10,6 +10,7 @@ from contextlib import suppress
 from threading import Thread
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 from typing_extensions import override
 
 from tests.conftest import LIMIT_S
@@ -25,7 +26,6 @@ from ual_daemon.backends.base import BackendOptions, UpdateCallback
 from ual_daemon.backends.firmwares.ardupilot import ArduCopter
 from ual_daemon.backends.mavlink.links import LinkConnection
 from ual_daemon.backends.mavlink.links.base import Chunk
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.backends.values import Cause
 
 OWN_HOLD = {"px4": (4.0, 3.0), "ardupilot": (17.0, 0.0)}

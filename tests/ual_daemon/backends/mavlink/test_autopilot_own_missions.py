@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.conftest import LIMIT_S
 from tests.simulators import Faults, Px4
@@ -27,7 +28,7 @@ from ual.interface import Task
 from ual.missions import HoldTime, Item, Jump, Land, ReturnToLaunch, Speed, TakeOff, Waypoint
 from ual.missions.plan import LinkLossAction, MissionProgress, MissionStage
 from ual.types import State, TaskKind, TaskStatus, Telemetry
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 
 HOME = (47.3977428, 8.5455967)
 SILENT = Faults(is_silent=True)

@@ -12,13 +12,15 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.simulators import ArduPilot, Autopilot, MemoryPort, Px4
 from tests.simulators.autopilot import STEP_S
+from tests.simulators.codec import AutopilotCodec
 from tests.simulators.px4 import ALTCTL, LAND, OFFBOARD, POSCTL, RTL, TAKEOFF, Mode
 from tests.ual_daemon.backends.mavlink.traces import load
 from ual_daemon.backends.mavlink.wire.frames import split
-from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 
 COMPANION = 191
 PX4_ID, ARDUPILOT_ID = 7, 1
@@ -89,7 +91,7 @@ class ReportedSample:
 
 
 def reported(frames: Iterable[tuple[float, bytes]], system_id: int) -> ReportedSample:
-    codec, result = Codec(COMPANION), ReportedSample()
+    codec, result = AutopilotCodec(COMPANION), ReportedSample()
     for time_s, data in frames:
         (frame,), _ = split(data)
         if (frame.system_id, frame.component_id) == (system_id, 1):
@@ -105,7 +107,7 @@ class Flight:
         self._begin_s = begin_s
         self._clock = clock
         self._port = port
-        self._codec = Codec(COMPANION)
+        self._codec = AutopilotCodec(COMPANION)
         self._codec.join(autopilot.system_id)
         self._setpoint: Callable[[], Message] | None = None
         self._next_s = 0.0

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.simulators import Faults
 from tests.simulators.mission_store import Sender
@@ -23,7 +24,7 @@ from ual.parameters.values import real32
 from ual.types import State
 from ual_daemon import UAL
 from ual_daemon.backends.mavlink.protocols.ftp_packet import Opcode
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 
 LOSSY = Faults(loss=0.2, jitter_s=0.1, duplication=0.1)
 NAMES_COUNT = 300

@@ -7,13 +7,13 @@ import math
 from collections.abc import Iterator
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.simulators import ArduPilot
 from tests.simulators.ardupilot import RENAMED, RENAMED_IN_4_7_0
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight, UsualRates
 from tests.waiting import until
 from ual.types import Limits, State
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 POSITION = mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED
 

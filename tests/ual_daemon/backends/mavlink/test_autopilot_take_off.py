@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.conftest import LIMIT_S
 from tests.simulators import ArduPilot, Px4
@@ -13,7 +14,6 @@ from tests.simulators.px4 import LOITER, MANUAL, POSCTL, STABILIZED, Mode
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight, px4_of
 from ual.errors import TaskAbortedError, WrongStateError
 from ual.types import State, Telemetry
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 HEIGHT_M = 5.0
 HOME = mavlink.MAVLINK_MSG_ID_HOME_POSITION

@@ -13,9 +13,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.conftest import open_terminal
 from tests.ports import free_port
+from tests.simulators.codec import AutopilotCodec
 from tests.ual_daemon.backends.mavlink.fakes import ack, attitude, heartbeat, packer, position
 from tests.ual_daemon.backends.mavlink.traces import load, replay_stepped
 from tests.waiting import LIMIT_S, until
@@ -27,7 +29,7 @@ from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.mavlink import MavlinkBackend
 from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.wire.frames import split
-from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 from ual_daemon.backends.values import PositionSetpoint, Snapshot, VelocitySetpoint
 from ual_daemon.flight.state import estimate
 
@@ -59,7 +61,7 @@ class Autopilot:
         while True:
             data, self.peer = self.socket.recvfrom(4096)
             for frame in split(data)[0]:
-                message = Codec(1).decode(frame)
+                message = AutopilotCodec(1).decode(frame)
                 if message.get_type() == kind and all(getattr(message, n) == v for n, v in fields.items()):
                     return message
 
@@ -69,7 +71,7 @@ class Autopilot:
             self.socket.settimeout(left_s)
             with contextlib.suppress(TimeoutError):
                 data, _ = self.socket.recvfrom(4096)
-                if any(Codec(1).decode(frame).get_type() == kind for frame in split(data)[0]):
+                if any(AutopilotCodec(1).decode(frame).get_type() == kind for frame in split(data)[0]):
                     return False
         self.socket.settimeout(LIMIT_S)
         return True

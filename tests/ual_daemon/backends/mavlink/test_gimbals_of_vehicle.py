@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from typing import Any
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.ports import free_port
 from tests.ual_daemon.backends.mavlink.fakes import ack, heartbeat, packer
@@ -18,7 +19,7 @@ from ual.geometry import Pose
 from ual.gimbals import GimbalAbility, GimbalAngles, GimbalControl, GimbalReference
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.mavlink import MavlinkBackend
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 from ual_daemon.backends.offers.gimbals import GimbalDriver, GimbalDrivers
 
 TURN, CONFIGURE = mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW, mavlink.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE

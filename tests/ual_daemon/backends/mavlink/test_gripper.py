@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.ual_daemon.backends.mavlink.fakes import Harness, ack, attitude, heartbeat, position
 from ual.errors import LinkLostError, NotSupportedError, RejectedByAutopilotError, UalError, UalTimeoutError
@@ -23,7 +24,7 @@ from ual_daemon.backends.mavlink.session.discovery import Discovery
 from ual_daemon.backends.mavlink.session.payload_messages import PayloadMessages
 from ual_daemon.backends.mavlink.session.session import MavlinkSession
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 from ual_daemon.backends.offers.gripper import ServoOrder, WinchOrder
 
 T = TypeVar("T")

@@ -8,14 +8,16 @@ import socket
 from collections.abc import Callable, Iterator
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
+from tests.simulators.codec import AutopilotCodec
 from tests.ual_daemon.backends.mavlink.fakes import BOOT_MS, Harness, ack, attitude, heartbeat, packer, position
 from tests.waiting import LIMIT_S, until
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.engine.link_watch import LinkWatchState
 from ual_daemon.backends.mavlink import MavlinkBackend
 from ual_daemon.backends.mavlink.wire.frames import FrameReader
-from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 
 LOSS, CORRUPTION, DOUBLING, JITTER_S = 0.3, 0.1, 0.1, 0.2
 INTERVAL = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
@@ -64,7 +66,7 @@ def test_in_bad_weather_everything_is_queried_and_only_what_was_sent_is_believed
         harness.link.sent.clear()
         for data in up.receive(harness.now_s):
             for frame in FrameReader().read(data):
-                command = Codec(1).decode(frame)
+                command = AutopilotCodec(1).decode(frame)
                 if command.get_type() == "COMMAND_LONG" and command.command == INTERVAL:
                     asked.add(command.param1)
                     said.append(ack(INTERVAL, mavlink.MAV_RESULT_ACCEPTED))
@@ -150,7 +152,7 @@ class Simulator:
         with contextlib.suppress(TimeoutError):
             data = self._client.recv(4096)
             assert data, "the backend has closed the connection"
-            self._unheard += map(Codec(1).decode, self._reader.feed(data))
+            self._unheard += map(AutopilotCodec(1).decode, self._reader.feed(data))
 
 
 @pytest.fixture

@@ -6,6 +6,7 @@ import threading
 from collections.abc import Iterator
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.ports import free_port
 from tests.ual_daemon.backends.mavlink.fakes import ack, heartbeat
@@ -15,7 +16,6 @@ from ual.errors import InvalidArgumentError, LinkLostError, PermissionDeniedErro
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.mavlink import MavlinkBackend
 from ual_daemon.backends.mavlink.payload import PERMITTED
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.backends.payload import PayloadMessage
 
 PITCHYAW = mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW

@@ -9,6 +9,7 @@ from contextlib import ExitStack, contextmanager
 from functools import partial
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 from typing_extensions import override
 
 from tests.ports import free_port
@@ -26,7 +27,6 @@ from ual_daemon.backends.mavlink.links import make_link
 from ual_daemon.backends.mavlink.links.base import READ_BATCH_BYTES
 from ual_daemon.backends.mavlink.links.endpoints import parse_url
 from ual_daemon.backends.mavlink.wire import shared_link
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.backends.mavlink.wire.shared_link import QUEUE_BYTES, SharedLink, VehicleLink
 from ual_daemon.backends.values import VelocitySetpoint
 from ual_daemon.settings import ConfigError

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.simulators.autopilot import Autopilot
 from tests.ual_daemon.backends.mavros.test_mavros_faults import Flight, make
 from ual.types import State
 from ual_daemon import UAL
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 
 
 @pytest.fixture(params=["px4", "ardupilot"])

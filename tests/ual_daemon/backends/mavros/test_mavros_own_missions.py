@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.conftest import LIMIT_S
 from tests.ual_daemon.backends.mavros.test_mavros_faults import Flight, make
@@ -16,7 +17,6 @@ from ual.types import State, TaskStatus
 from ual_daemon import UAL
 from ual_daemon.backends.firmwares.ardupilot import ArduCopter
 from ual_daemon.backends.firmwares.mission_items import MissionItem
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.backends.mavros import topics
 from ual_daemon.backends.mavros.missions import MissionTopics, waypoint_of
 

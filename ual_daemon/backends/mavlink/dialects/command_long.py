@@ -7,7 +7,7 @@ from typing import NamedTuple, TypeAlias
 
 from ual_daemon.backends.engine.command import ARMING, FLYING, Command, Repeat, shows_armed, shows_mode
 from ual_daemon.backends.mavlink.wire.frames import MessageSource
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink, message_name
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink, member_name, message_name
 
 _PARAMS_COUNT = 7
 LEAST_STREAM_RATE_HZ = 4.0
@@ -121,5 +121,5 @@ def request_message(message_id: int) -> LongCommand:
 
 
 def _name_of(command_id: int) -> str:
-    entry = mavlink.enums["MAV_CMD"].get(command_id)
-    return f"command {command_id}" if entry is None else str(entry.name)
+    name = member_name("MAV_CMD", command_id)
+    return f"command {command_id}" if name is None else f"MAV_CMD_{name}"

@@ -17,7 +17,7 @@ from ual_daemon.backends.mavlink.dialects.command_long import (
 )
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.wire.frames import MessageSource
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink, member_name
 from ual_daemon.backends.values import Control, Mode, Setpoint, Snapshot
 from ual_daemon.geodesy import EllipsoidProjection, Projection
 
@@ -120,11 +120,11 @@ class Unaddressed(Unknown):
 
 def autopilot_text(autopilot: int) -> str:
     """Returns a human-readable MAV_AUTOPILOT."""
-    entry = mavlink.enums["MAV_AUTOPILOT"].get(autopilot)
-    return f"autopilot {autopilot}" if entry is None else str(entry.name).removeprefix("MAV_AUTOPILOT_").lower()
+    name = member_name("MAV_AUTOPILOT", autopilot)
+    return f"autopilot {autopilot}" if name is None else name.lower()
 
 
 def vehicle_text(kind: int) -> str:
     """Returns a human-readable MAV_TYPE."""
-    entry = mavlink.enums["MAV_TYPE"].get(kind)
-    return f"vehicle {kind}" if entry is None else str(entry.name).removeprefix("MAV_TYPE_").replace("_", " ").lower()
+    name = member_name("MAV_TYPE", kind)
+    return f"vehicle {kind}" if name is None else name.replace("_", " ").lower()

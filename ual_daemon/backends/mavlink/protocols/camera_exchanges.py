@@ -15,7 +15,7 @@ from ual.cameras import VideoStream
 from ual.errors import RejectedByAutopilotError, UalError, UalTimeoutError
 from ual_daemon.backends.mavlink.protocols import camera_values
 from ual_daemon.backends.mavlink.protocols.exchange import Exchange
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink, message_name
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink, member_name, message_name
 from ual_daemon.backends.offers.cameras import TakenPhoto
 
 T = TypeVar("T")
@@ -307,12 +307,10 @@ class StreamListing(CameraExchange[list[VideoStream]]):
 
 def refused(name: str, command_id: int, result: int) -> RejectedByAutopilotError:
     """Returns what a camera answers, in its words."""
-    entry = mavlink.enums["MAV_RESULT"].get(result)
-    words = f"result {result}" if entry is None else str(entry.name).removeprefix("MAV_RESULT_")
+    words = member_name("MAV_RESULT", result) or f"result {result}"
     text = f"{name} refused {_command_name(command_id)}: {words}"
     return RejectedByAutopilotError(text, {"result": words, "command": _command_name(command_id)})
 
 
 def _command_name(command_id: int) -> str:
-    entry = mavlink.enums["MAV_CMD"].get(command_id)
-    return f"command {command_id}" if entry is None else str(entry.name).removeprefix("MAV_CMD_")
+    return member_name("MAV_CMD", command_id) or f"command {command_id}"

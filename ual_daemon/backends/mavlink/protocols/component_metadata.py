@@ -18,12 +18,11 @@ from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.protocols.exchange import Exchange
 from ual_daemon.backends.mavlink.protocols.protocol import Handler, Protocol
 from ual_daemon.backends.mavlink.wire.frames import MessageSource
-from ual_daemon.backends.mavlink.wire.messages import Message
-from ual_daemon.backends.mavlink.wire.newer_messages import COMPONENT_METADATA_ID
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
 RETRY_S = 0.6
 TRIES_COUNT = 6
-_ID = COMPONENT_METADATA_ID
+_ID = mavlink.MAVLINK_MSG_ID_COMPONENT_METADATA
 
 
 class MetadataFile(NamedTuple):

@@ -34,7 +34,7 @@ from ual_daemon.backends.mavlink.protocols.parameter_exchanges import (
 )
 from ual_daemon.backends.mavlink.protocols.protocol import Handler, Protocol
 from ual_daemon.backends.mavlink.wire.frames import MessageSource
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink, member_name
 from ual_daemon.backends.offers.parameters import Refusal
 
 LONGEST_NAME_CHARACTERS = 16
@@ -245,6 +245,5 @@ class ParameterTransfers(Protocol):
 def _refusal(name: str, number: int) -> UalError:
     if number == mavlink.MAV_PARAM_ERROR_DOES_NOT_EXIST:
         return unknown(name, frozenset())
-    entry = mavlink.enums["MAV_PARAM_ERROR"].get(number)
-    words = f"error {number}" if entry is None else str(entry.name).removeprefix("MAV_PARAM_ERROR_")
+    words = member_name("MAV_PARAM_ERROR", number) or f"error {number}"
     return RejectedByAutopilotError(f"{name}: the autopilot answers {words}", {"name": name, "result": words})

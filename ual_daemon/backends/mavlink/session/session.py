@@ -57,7 +57,7 @@ from ual_daemon.backends.mavlink.session.supervision import LinkCounts
 from ual_daemon.backends.mavlink.session.telemetry import AutopilotTelemetry
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
 from ual_daemon.backends.mavlink.wire.frames import MavlinkFrame, MessageSource
-from ual_daemon.backends.mavlink.wire.messages import EVENT_ID, Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import EVENT_ID, Message, mavlink, member_name
 from ual_daemon.backends.mavlink.wire.sender import Sender
 from ual_daemon.backends.mavlink.wire.signing import KEY_MISSING
 from ual_daemon.backends.values import Snapshot, VehicleInfo
@@ -490,7 +490,7 @@ class MavlinkSession:
             self._payload_messages.on_message(message, now_s)
 
     def _on_undecoded(self, frame: MavlinkFrame, now_s: float) -> None:
-        """Takes a message that no dialect of pymavlink has, or that is not used."""
+        """Takes a message that no dialect has, or that is not used."""
         self.telemetry.on_frame(frame.sequence, now_s)
         if self._fit.is_high and frame.message_id != EVENT_ID:
             self._unused_ids.add(frame.message_id)
@@ -756,5 +756,4 @@ _VERDICTS = {
 
 
 def _result_name(result: int) -> str:
-    entry = mavlink.enums["MAV_RESULT"].get(result)
-    return f"result {result}" if entry is None else str(entry.name).removeprefix("MAV_RESULT_")
+    return member_name("MAV_RESULT", result) or f"result {result}"

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from fastcrc import crc16
-from pymavlink.dialects.v20 import all as mavlink
 
-from ual_daemon.backends.mavlink.wire.newer_messages import ComponentMetadataMessage
+from ual_daemon.backends.mavlink.wire.dialect import mavlink_map
 
-_EXTRA = {message_id: kind.crc_extra for message_id, kind in mavlink.mavlink_map.items()} | {
-    # Messages of PX4 that no dialect of pymavlink has. Without the seed such a frame looks like garbage: its bytes
+_EXTRA = {message_id: kind.crc_extra for message_id, kind in mavlink_map.items()} | {
+    # Messages of PX4 that no dialect has. Without the seed such a frame looks like garbage: its bytes
     # would count as corrupt and its sequence number as lost. All but 412 and 413 are verified with recorded flights.
     8: 117,  # LINK_NODE_STATUS
     380: 232,  # TIME_ESTIMATE_TO_TARGET
@@ -16,14 +15,10 @@ _EXTRA = {message_id: kind.crc_extra for message_id, kind in mavlink.mavlink_map
     411: 106,  # CURRENT_EVENT_SEQUENCE
     412: 33,  # REQUEST_EVENT
     413: 77,  # RESPONSE_EVENT_ERROR
-    ComponentMetadataMessage.id: ComponentMetadataMessage.crc_extra,
 }
 
 KNOWN_IDS = frozenset(_EXTRA)
 """Ids of the messages whose checksum can be verified."""
-LONGEST_V1 = [mavlink.mavlink_map[each].unpacker.size if each in mavlink.mavlink_map else 255 for each in range(256)]
-"""For each id that MAVLink 1 can carry the longest content; 255 where it is not known."""
-
 crc = crc16.mcrf4xx
 _SEEDS = [bytes((each,)) for each in range(256)]
 _SEED_OF = {message_id: _SEEDS[extra] for message_id, extra in _EXTRA.items()}
@@ -43,3 +38,9 @@ def is_valid(message_id: int, data: bytes, end: int) -> bool:
 def compute(covered: bytes, extra: int) -> bytes:
     """Returns the checksum of the covered bytes, with the seed of the message."""
     return crc(covered + _SEEDS[extra]).to_bytes(2, "little")
+
+
+def longest_v1(message_id: int) -> int:
+    """Returns the longest content of a message of MAVLink 1; 255 where it is not known."""
+    kind = mavlink_map.get(message_id)
+    return 255 if kind is None else kind.layout.payload.size

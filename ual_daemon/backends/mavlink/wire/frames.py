@@ -350,7 +350,7 @@ def _size_at(data: bytes, at: int) -> int | None:
         if len(data) - at < _HEADER_V1:
             return None
         length = data[at + 1]
-        return _HEADER_V1 + length + _CHECKSUM if length <= checksum.LONGEST_V1[data[at + 5]] else 0
+        return _HEADER_V1 + length + _CHECKSUM if length <= checksum.longest_v1(data[at + 5]) else 0
     if len(data) - at < _HEADER_V2:
         return None
     if data[at + 7] | data[at + 8] << 8 | data[at + 9] << 16 not in checksum.KNOWN_IDS:

@@ -1,44 +1,44 @@
-"""Encodes and decodes pymavlink's generated messages. Only this module and `checksum` use pymavlink's internals."""
+"""Encodes messages as frames, and decodes them."""
 
 from __future__ import annotations
 
 import struct
 from functools import cache
-from typing import Any, NamedTuple, TypeAlias
-
-# "all" has the messages of every dialect; "common" lacks CURRENT_MODE, which PX4 sends.
-from pymavlink.dialects.v20 import all as mavlink
+from typing import NamedTuple, TypeAlias
 
 from ual_daemon.backends.mavlink.wire import checksum
+from ual_daemon.backends.mavlink.wire import dialect as mavlink
 from ual_daemon.backends.mavlink.wire.frames import MavlinkFrame
+from ual_daemon.backends.mavlink.wire.kinds import Message, MessageKind
 from ual_daemon.backends.mavlink.wire.signing import Signer
 
 __all__ = [
-    "EVENT_ID", "Codec", "CorruptFrameError", "Message", "TargetMessage", "VelocityTarget", "mavlink", "message_name",
+    "EVENT_ID", "Codec", "Message", "TargetMessage", "VelocityTarget", "mavlink", "member_name", "message_name",
 ]  # fmt: skip
 
-Message = Any
-"""A message of pymavlink; its classes are generated without types."""
-
 EVENT_ID = 410
-"""The message of PX4's event interface, which no dialect of pymavlink has."""
+"""The message of PX4's event interface, which no dialect has."""
 
-
+_HEADER = struct.Struct("<BBBBBBHB")
+"""The header after the magic byte: length of the content, incompatible and compatible flags, sequence, system,
+component, and the id in two parts."""
+_SIGNED_FLAG = 0x01
 _Target = mavlink.MAVLink_set_position_target_local_ned_message
 _TARGET = struct.Struct("<BBBBBBHBI11fHBBB")
 """Header after the magic: payload length, incompatible and compatible flags, sequence, system, component, message id
 (24 bits); then the payload in its order on the wire, largest fields first.
 """
 _TARGET_BYTES = 53
-_TARGET_ID, _TARGET_EXTRA = _Target.id, _Target.crc_extra
-_TARGET_SEED = bytes((_TARGET_EXTRA,))
+_TARGET_ID = _Target.id
+_TARGET_SEED = bytes((_Target.crc_extra,))
+_TARGET_CONTENT = struct.Struct("<I11fHBBB")
 _NED = mavlink.MAV_FRAME_LOCAL_NED
 
 
 class TargetMessage(NamedTuple):
-    """SET_POSITION_TARGET_LOCAL_NED, framed without pymavlink's objects, which would delay every setpoint.
+    """SET_POSITION_TARGET_LOCAL_NED, whose fields are in their order. NED axes, m, m/s, m/s², rad.
 
-    The fields are pymavlink's, in their order. NED axes, m, m/s, m/s², rad.
+    A `MavlinkMessage` of it would delay each setpoint.
     """
 
     time_boot_ms: int
@@ -58,17 +58,14 @@ class TargetMessage(NamedTuple):
     yaw: float
     yaw_rate: float
 
-    def pack(self, mav: Any) -> bytes:  # noqa: ANN401
-        """Returns the bytes, as pymavlink's sender `mav` would send them."""
+    def get_kind(self) -> MessageKind:
+        """Returns its kind."""
+        return _Target
+
+    def get_payload(self) -> bytes:
+        """Returns its content as bytes."""
         time_ms, system, component, frame, mask, *motion = self
-        if mav.signing.sign_outgoing or not frame:  # zeros at the end would have to be omitted
-            theirs: bytes = _Target(*self).pack(mav)
-            return theirs
-        covered = _TARGET.pack(
-            _TARGET_BYTES, 0, 0, mav.seq, mav.srcSystem, mav.srcComponent, _TARGET_ID, 0,
-            time_ms, *motion, mask, system, component, frame,
-        )  # fmt: skip
-        return b"\xfd" + covered + checksum.compute(covered, _TARGET_EXTRA)
+        return _TARGET_CONTENT.pack(time_ms, *motion, mask, system, component, frame)
 
 
 VelocityTarget: TypeAlias = tuple[int, int, int, int, float, float, float, float, float, float, float]
@@ -79,11 +76,18 @@ NED, yaw rate."""
 def message_name(message_id: int) -> str:
     """Returns the name of a message, human-readable."""
     kind = mavlink.mavlink_map.get(message_id)
-    return f"message {message_id}" if kind is None else str(kind.msgname)
+    return f"message {message_id}" if kind is None else kind.name
 
 
-class CorruptFrameError(Exception):
-    """The content of the frame does not fit its message."""
+def member_name(enum: str, number: int) -> str | None:
+    """Returns the name of an enum's member, without that of the enum; None where it has none."""
+    return _member_names(f"{enum}_").get(number)
+
+
+@cache
+def _member_names(beginning: str) -> dict[int, str]:
+    members = vars(mavlink).items()
+    return {number: name.removeprefix(beginning) for name, number in members if name.startswith(beginning)}
 
 
 class Codec:
@@ -94,34 +98,27 @@ class Codec:
     """
 
     def __init__(self, component_id: int, signer: Signer | None = None) -> None:
-        self._signer = signer
-        self._sender = mavlink.MAVLink(None, srcSystem=0, srcComponent=component_id)
-        self._receiver = mavlink.MAVLink(None)
-        if signer is not None:
-            self._sender.signing.secret_key = signer.key
-            self._sender.signing.sign_outgoing = True
-
-    @property
-    def system_id(self) -> int:
-        """The system that we are a component of."""
-        return int(self._sender.srcSystem)
-
-    @property
-    def component_id(self) -> int:
+        self.component_id = component_id
         """Our component."""
-        return int(self._sender.srcComponent)
+        self.system_id = 0
+        """The system that we are a component of."""
+        self._signer = signer
+        self._number = 0
 
     def join(self, system_id: int) -> None:
         """Makes us a component of this system from now on."""
-        self._sender.srcSystem = system_id
+        self.system_id = system_id
 
     def encode(self, message: Message) -> bytes:
         """Returns the bytes of a message, with the next sequence number."""
-        if self._signer is not None:
-            self._sender.signing.timestamp = self._signer.next_timestamp()
-        data: bytes = message.pack(self._sender)
-        self._sender.seq = (self._sender.seq + 1) % 256
-        return data
+        kind, payload = message.get_kind(), message.get_payload()
+        content = payload.rstrip(b"\0") or payload[:1]  # MAVLink 2 omits zeros at the end
+        flags = 0 if self._signer is None else _SIGNED_FLAG
+        ids = self.system_id, self.component_id, kind.id & 0xFFFF, kind.id >> 16
+        covered = _HEADER.pack(len(content), flags, 0, self._number, *ids) + content
+        self._number = (self._number + 1) % 256
+        frame = b"\xfd" + covered + checksum.compute(covered, kind.crc_extra)
+        return frame if self._signer is None else self._signer.sign(frame)
 
     def encode_velocity(self, target: VelocityTarget) -> bytes:
         """Returns the bytes of a velocity, as `encode` does those of the same `TargetMessage`, in fewer steps."""
@@ -130,86 +127,15 @@ class Codec:
             at, velocity, acceleration = (0.0, 0.0, 0.0), (vx, vy, vz), (ax, ay, az)
             ids = time_ms, system, component, _NED, mask
             return self.encode(TargetMessage(*ids, *at, *velocity, *acceleration, 0.0, yaw_rate))
-        mav = self._sender
-        number = mav.seq
-        mav.seq = (number + 1) % 256
+        number = self._number
+        self._number = (number + 1) % 256
         covered = _TARGET.pack(
-            _TARGET_BYTES, 0, 0, number, mav.srcSystem, mav.srcComponent, _TARGET_ID, 0,
+            _TARGET_BYTES, 0, 0, number, self.system_id, self.component_id, _TARGET_ID, 0,
             time_ms, 0.0, 0.0, 0.0, vx, vy, vz, ax, ay, az, 0.0, yaw_rate, mask, system, component, _NED,
         )  # fmt: skip
         return b"\xfd" + covered + checksum.crc(covered + _TARGET_SEED).to_bytes(2, "little")
 
     def decode(self, frame: MavlinkFrame) -> Message:
-        """Returns the message in a frame; its signature is not checked. One with texts has its `content` as it came.
-
-        Raises:
-            CorruptFrameError: The content does not fit the message.
-
-        """
-        layout = _layout(frame.message_id)
-        if layout is not None:
-            return layout.read(frame)
-        try:
-            message = self._receiver.decode(bytearray(frame.data))
-        except mavlink.MAVError as error:
-            raise CorruptFrameError(str(error)) from None
-        message.content = frame.payload
-        return message
-
-
-class _Header(NamedTuple):
-    """The part of pymavlink's message header that its messages read."""
-
-    msgId: int  # noqa: N815  pymavlink's names
-    seq: int
-    srcSystem: int  # noqa: N815
-    srcComponent: int  # noqa: N815
-
-
-class _Layout(NamedTuple):
-    """The fields of a message on the wire: a name for each value, and where the values of arrays begin and end."""
-
-    kind: Any
-    payload: struct.Struct
-    names: tuple[str, ...]
-    arrays: tuple[tuple[str, int, int], ...]
-
-    def read(self, frame: MavlinkFrame) -> Message:
-        """Returns the message as pymavlink decodes it, but without its bytes, and without repeating the checks of
-        `frames`.
-        """
-        values = self.payload.unpack_from(frame.payload.ljust(self.payload.size, b"\0"))
-        message = object.__new__(self.kind)
-        fields = message.__dict__ = dict(zip(self.names, values, strict=True))
-        for name, begin, end in self.arrays:
-            fields[name] = list(values[begin:end])
-        ids = frame.message_id, frame.sequence, frame.system_id, frame.component_id
-        fields["_header"] = tuple.__new__(_Header, ids)  # as `_Header(*ids)` does, one call less
-        fields["_type"], fields["_fieldnames"] = self.kind.msgname, self.kind.fieldnames
-        return message
-
-
-@cache
-def _layout(message_id: int) -> _Layout | None:
-    """Returns None where pymavlink decodes the message: one with texts, or one that it does not know."""
-    kind = mavlink.mavlink_map.get(message_id)
-    if kind is None or "char" in kind.fieldtypes:
-        return None
-    names: list[str] = []
-    arrays = []
-    for name, length, array_length in zip(kind.ordered_fieldnames, kind.lengths, kind.array_lengths, strict=True):
-        if array_length:
-            arrays.append((name, len(names), len(names) + length))
-        names += [name] * length
-    newer = [(name, code) for name, code in _NEWER_FIELDS.get(message_id, ()) if name not in names]
-    payload = struct.Struct(kind.unpacker.format + "".join(code for _, code in newer))
-    return _Layout(kind, payload, (*names, *(name for name, _ in newer)), tuple(arrays))
-
-
-_NEWER_FIELDS = {
-    mavlink.MAVLINK_MSG_ID_MISSION_ACK: (("opaque_id", "I"),),
-    mavlink.MAVLINK_MSG_ID_MISSION_COUNT: (("opaque_id", "I"),),
-    mavlink.MAVLINK_MSG_ID_MISSION_CURRENT: (("mission_id", "I"), ("fence_id", "I"), ("rally_points_id", "I")),
-}
-"""Extensions of messages that the dialects of pymavlink do not have yet, with their codes of `struct`. They are 0 where
-an autopilot does not send them, as all extensions of MAVLink."""
+        """Returns the message in a frame of a known kind; its signature is not checked."""
+        header = frame.message_id, frame.sequence, frame.system_id, frame.component_id
+        return mavlink.mavlink_map[frame.message_id].read(frame.payload, header)

@@ -9,7 +9,7 @@ from typing import Protocol
 
 from ual_daemon.backends.mavlink.links import Address, MessageTransport
 from ual_daemon.backends.mavlink.wire.frames import FrameReader, MavlinkFrame, MessageSource
-from ual_daemon.backends.mavlink.wire.messages import Codec, CorruptFrameError, Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
 from ual_daemon.backends.mavlink.wire.signing import KEY_MISSING, SignatureVerdict, Signer
 from ual_daemon.backends.mavlink.wire.untaken import Untaken
 
@@ -107,13 +107,12 @@ class Receiver:
         self._reader = FrameReader()
         self._peer_received_s = -math.inf
         self._utc_offset_s = 0.0
-        self._undecodable_count = 0
         self._logged: set[str] = set()
 
     @property
     def corrupt_count(self) -> int:
-        """Times that bytes between frames belonged to none, or a frame could not be decoded."""
-        return self._reader.corrupt_count + self._undecodable_count
+        """Times that bytes between frames belonged to none."""
+        return self._reader.corrupt_count
 
     def receive(self, data: bytes, address: Address | None, now_s: float, utc_now_s: float) -> None:
         """Takes a datagram, or on a stream any piece of it, received from an address.
@@ -172,9 +171,6 @@ class Receiver:
             message = self._codec.decode(frame) if message_id in handler.decoded_ids else None
             self._peer_received_s = now_s
             handler.on_message(frame, message, address, now_s, utc_now_s)
-        except CorruptFrameError as error:
-            self._undecodable_count += 1
-            _log.debug("dropped a frame: %s", error)
         except Exception:  # noqa: BLE001 - as in `_on_frames`
             self._log_defect(message_id)
 
@@ -190,9 +186,6 @@ class Receiver:
         for frame in frames:
             try:
                 self._on_frame(frame, address, now_s, utc_now_s, is_from_peer)
-            except CorruptFrameError as error:
-                self._undecodable_count += 1
-                _log.debug("dropped a frame: %s", error)
             except Exception:  # noqa: BLE001 - a defect that one message triggers must not cost the others
                 self._log_defect(frame.message_id)
 

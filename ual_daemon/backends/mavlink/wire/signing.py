@@ -113,10 +113,10 @@ class SignatureVerdict(Enum):
 class Signer:
     """Timestamps and checks signatures with one key, by the rules of the specification. `utc` returns UTC in seconds.
 
-    One thread may call `next_timestamp` (sending) while another one calls `check` (receiving).
+    One thread may call `sign` (sending) while another one calls `check` (receiving).
 
-    The check of pymavlink is not used. It stores a timestamp before it knows that the signature is right, so that one
-    forged frame would lock the autopilot out. It does not check messages that it does not know.
+    Unlike that of pymavlink, the check stores a timestamp only once it knows that the signature is right, so that no
+    forged frame locks the autopilot out. It also checks messages that are not known.
     """
 
     def __init__(
@@ -137,6 +137,11 @@ class Signer:
         """Returns the timestamp of the next signature: newer than the last, not older than any valid received one."""
         self._sent = max(self._sent + 1, self._received, self._now())
         return self._sent
+
+    def sign(self, frame: bytes) -> bytes:
+        """Returns a frame with its signature: link 0, the next timestamp, and the beginning of their hash."""
+        signed = frame + b"\0" + self.next_timestamp().to_bytes(_TIMESTAMP_BYTES, "little")
+        return signed + hashlib.sha256(self.key + signed).digest()[:_HASH_BYTES]
 
     def check(self, frame: MavlinkFrame) -> SignatureVerdict:
         """Checks a frame's signature. A frame is good only once."""

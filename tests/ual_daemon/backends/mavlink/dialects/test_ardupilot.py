@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.simulators.ardupilot import RENAMED, RENAMED_IN_4_7_0
 from tests.snapshots import changed
@@ -17,7 +18,6 @@ from ual_daemon.backends.engine.limits import RESTART_SILENCE_S
 from ual_daemon.backends.firmwares.ardupilot import LONGEST_LEAD_S, velocity_lead
 from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
 from ual_daemon.backends.mavlink.wire.frames import MessageSource
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.backends.values import (
     Control,
     EarthReference,

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import struct
 
+from pymavlink.dialects.v20 import all as mavlink
+
 from ual_daemon.backends.firmwares import numbers
 from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 
 
 def _value(number: float, kind: int) -> Message:

@@ -4,6 +4,7 @@ from collections.abc import Callable
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.ual_daemon.backends.mavlink.fakes import Harness, heartbeat
 from ual.errors import NotSupportedError
@@ -15,7 +16,7 @@ from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.dialects.unknown import Unknown
 from ual_daemon.backends.mavlink.wire.frames import MessageSource
-from ual_daemon.backends.mavlink.wire.messages import Message, TargetMessage, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Codec, Message, TargetMessage
 from ual_daemon.backends.values import Control, PositionSetpoint, Snapshot, VelocitySetpoint
 
 PX4 = Px4()
@@ -78,11 +79,12 @@ def test_a_velocity_setpoint_carries_velocity_and_yaw_rate_only() -> None:
 def test_setpoints_are_framed_as_pymavlink_frames_them(
     values: list[float], time_ms: int, sequence: int, frame: int
 ) -> None:
-    sender = mavlink.MAVLink(None, srcSystem=7, srcComponent=191)
-    sender.seq = sequence
+    sender, codec = mavlink.MAVLink(None, srcSystem=7, srcComponent=191), Codec(191)
+    codec.join(7)
+    sender.seq = codec._number = sequence
     ids = (time_ms, 7, 1, frame, 0b110111111000)
     theirs = mavlink.MAVLink_set_position_target_local_ned_message(*ids, *values).pack(sender)
-    assert TargetMessage(*ids, *values).pack(sender) == theirs
+    assert codec.encode(TargetMessage(*ids, *values)) == theirs
 
 
 CAREFUL = Limits(1.6, 1.2, 1.0, 3.0 * ACCELERATION_SHARE, 1.2, math.radians(45.0))

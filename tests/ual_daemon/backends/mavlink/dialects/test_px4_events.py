@@ -1,6 +1,7 @@
 import struct
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.ual_daemon.backends.mavlink.fakes import BOOT_MS, Harness, ack, attitude, heartbeat, position
 from tests.ual_daemon.backends.mavlink.traces import load
@@ -8,7 +9,7 @@ from ual_daemon.backends.firmwares.px4_events import event_id
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.wire import checksum
 from ual_daemon.backends.mavlink.wire.frames import MavlinkFrame, split
-from ual_daemon.backends.mavlink.wire.messages import EVENT_ID, mavlink
+from ual_daemon.backends.mavlink.wire.messages import EVENT_ID
 
 LOITER, LOITER_NAME = 4 << 16 | 3 << 24, "AUTO.LOITER"
 ERROR, INFO = 0x33, 0x66

@@ -6,6 +6,7 @@ import math
 import random
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from ual.geometry import Pose, Quaternion, Vector3
 from ual_daemon.backends.firmwares.feed_forward import FeedForward
@@ -15,7 +16,7 @@ from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.dialects.setpoint_encoder import SetpointEncoder
 from ual_daemon.backends.mavlink.dialects.unknown import Unknown
 from ual_daemon.backends.mavlink.wire.frames import MessageSource
-from ual_daemon.backends.mavlink.wire.messages import Codec, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Codec
 from ual_daemon.backends.mavlink.wire.signing import Signer
 from ual_daemon.backends.values import PositionSetpoint, VelocitySetpoint
 

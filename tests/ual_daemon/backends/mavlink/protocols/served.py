@@ -9,6 +9,7 @@ from concurrent.futures import Future
 from typing import Any, TypeVar, cast
 
 from tests.simulators.channel import Channel
+from tests.simulators.codec import received
 from tests.simulators.files import FileStore
 from tests.simulators.mission_store import Sender
 from ual.errors import UalError
@@ -17,17 +18,11 @@ from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.protocols.ftp import Ftp, Steps
 from ual_daemon.backends.mavlink.protocols.log_transfers import LogTransfers
 from ual_daemon.backends.mavlink.wire.frames import MessageSource
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 
 T = TypeVar("T")
 STEP_S = 0.01
 HERE = (1, 191)
-
-
-def through(message: Message) -> Any:
-    """As it is received."""
-    codec = mavlink.MAVLink(None)
-    return codec.decode(bytearray(message.pack(codec)))
 
 
 class Served:
@@ -92,11 +87,11 @@ class Served:
         )
 
     def _up(self, message: Message) -> None:
-        sent = through(message)
+        sent = received(message)
         self._carry(lambda: self._server[sent.get_msgId()](sent, self._sender, self.now_s))
 
     def _down(self, message: Message, _now_s: float) -> None:
-        sent = self.spoil(through(message))
+        sent = self.spoil(received(message))
         if sent is not None:
             self._carry(lambda: self._arrive(sent))
 

@@ -7,13 +7,16 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any, TypeVar
 
+from pymavlink.dialects.v20 import all as mavlink
+
+from tests.simulators.codec import received
 from ual.geometry import Pose
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.protocols.camera_exchanges import OLDER_REQUESTS
 from ual_daemon.backends.mavlink.protocols.camera_link import CameraLink
 from ual_daemon.backends.mavlink.protocols.cameras import CameraProtocol
 from ual_daemon.backends.mavlink.wire.frames import MessageSource
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 from ual_daemon.backends.offers.cameras import Viewpoint
 
 T = TypeVar("T")
@@ -211,11 +214,11 @@ class Bench:
             self.sent.append(message)
             assert (message.target_system, message.target_component) == self._source
             if self._random.random() >= self.loss:
-                self.camera.on_command(decoded(message))
+                self.camera.on_command(received(message))
         to_us, self._to_us[:] = self._to_us[:], []
         for message in to_us:
             if self._random.random() >= self.loss:
-                self.cameras.on_component(self._source, decoded(message), self.now_s, 1.9e9)
+                self.cameras.on_component(self._source, received(message), self.now_s, 1.9e9)
         self.cameras.tick(self.now_s)
 
     def found(self) -> CameraLink:
@@ -236,9 +239,3 @@ class Bench:
         begin(future)
         self.until(future.done)
         return future
-
-
-def decoded(message: Message) -> Any:
-    """As it is received."""
-    codec = mavlink.MAVLink(None)
-    return codec.decode(bytearray(message.pack(codec)))

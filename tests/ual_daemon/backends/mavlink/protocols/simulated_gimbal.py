@@ -9,6 +9,9 @@ from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any, TypeVar
 
+from pymavlink.dialects.v20 import all as mavlink
+
+from tests.simulators.codec import received
 from ual.geometry import Quaternion
 from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
 from ual_daemon.backends.mavlink.dialects.command_long import LongCommand
@@ -16,7 +19,7 @@ from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.protocols.gimbal_link import GimbalLink
 from ual_daemon.backends.mavlink.protocols.gimbals import GimbalProtocol, GimbalServices
 from ual_daemon.backends.mavlink.wire.frames import MessageSource
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 
 T = TypeVar("T")
 
@@ -167,7 +170,7 @@ class Bench:
     def deliver(self) -> None:
         """Gives the manager what was sent to it."""
         for message in self._passing(self._to_it):
-            self.manager.on_message(message)
+            self.manager.on_message(received(message))
 
     def receive(self, who: MessageSource, message: Message) -> None:
         """Gives us a message of a component, or of the autopilot."""

@@ -7,8 +7,9 @@ from concurrent.futures import Future
 from typing import Any
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
-from tests.ual_daemon.backends.mavlink.protocols.simulated_camera import decoded
+from tests.simulators.codec import received
 from ual.cameras import CameraAbility
 from ual.errors import LinkLostError, NotSupportedError, RejectedByAutopilotError, UalTimeoutError
 from ual.geometry import Pose
@@ -19,7 +20,6 @@ from ual_daemon.backends.futures import OpenFutures
 from ual_daemon.backends.mavlink.dialects.command_long import LongCommand
 from ual_daemon.backends.mavlink.offers.cameras import trigger_order
 from ual_daemon.backends.mavlink.protocols.camera_trigger import AutopilotCameraTrigger
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.backends.offers.cameras import TakenPhoto, Viewpoint
 
 ORDER = mavlink.MAV_CMD_DO_DIGICAM_CONTROL
@@ -47,11 +47,11 @@ class Bench:
     def feedback(self, number: int, lat: int = 474_000_000, time_us: int = 1_800_000_000_000_000) -> None:
         places = (lat, 85_000_000, 500.0, 20.0)
         message = mavlink.MAVLink_camera_feedback_message(time_us, 1, 0, number, *places, 0.0, 0.0, 0.0, 0.0, 0, 0)
-        self.trigger.handlers[message.id](decoded(message), 1.0)
+        self.trigger.handlers[message.id](received(message), 1.0)
 
     def triggered(self, number: int) -> None:
         message = mavlink.MAVLink_camera_trigger_message(5_000_000, number)
-        self.trigger.handlers[message.id](decoded(message), 1.0)
+        self.trigger.handlers[message.id](received(message), 1.0)
 
 
 @pytest.fixture

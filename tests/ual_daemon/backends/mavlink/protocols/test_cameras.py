@@ -11,9 +11,11 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pymavlink.dialects.v20 import all as mavlink
 
+from tests.simulators.codec import AutopilotCodec, received
 from tests.ual_daemon.backends.mavlink.fakes import Harness, heartbeat
-from tests.ual_daemon.backends.mavlink.protocols.simulated_camera import BUSY, DENIED, STRAY, Bench, decoded
+from tests.ual_daemon.backends.mavlink.protocols.simulated_camera import BUSY, DENIED, STRAY, Bench
 from ual.cameras import CameraAbility, CameraMode, Photo, StorageState, VideoStream
 from ual.errors import LinkLostError, RejectedByAutopilotError, ResourceExhaustedError, UalTimeoutError
 from ual.geometry import Pose, Quaternion
@@ -23,7 +25,6 @@ from ual_daemon.backends.mavlink.protocols import camera_link
 from ual_daemon.backends.mavlink.protocols.camera_photos import MOST_MISSING_REPORTS, TRIES_COUNT, ReportedPhotos
 from ual_daemon.backends.mavlink.protocols.cameras import MESSAGE_IDS
 from ual_daemon.backends.mavlink.wire.frames import MessageSource
-from ual_daemon.backends.mavlink.wire.messages import Codec, mavlink
 from ual_daemon.backends.mavlink.wire.signing import Signer
 
 START = mavlink.MAV_CMD_IMAGE_START_CAPTURE
@@ -54,9 +55,9 @@ def test_one_that_does_not_say_what_it_is_can_do_nothing_and_is_queried_less_and
 
 def test_what_is_no_camera_is_not_taken_for_one() -> None:
     bench = Bench()
-    gimbal = decoded(mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GIMBAL, 8, 0, 0, 0, 3))
+    gimbal = received(mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GIMBAL, 8, 0, 0, 0, 3))
     bench.cameras.on_component(MessageSource(7, 100), gimbal, 1.0, 2.0)
-    captured = decoded(mavlink.MAVLink_camera_capture_status_message(0, 0, 0, 0.0, 0, 0.0, 5))
+    captured = received(mavlink.MAVLink_camera_capture_status_message(0, 0, 0, 0.0, 0, 0.0, 5))
     bench.cameras.on_component(MessageSource(7, 101), captured, 1.0, 2.0)
     assert bench.cameras.found == ()
 
@@ -275,7 +276,7 @@ def test_the_charge_of_its_battery_is_reported_where_it_says_it() -> None:
     def say(battery_id: int, percent: int) -> float | None:
         cells = [0xFFFF] * 10
         said = mavlink.MAVLink_battery_status_message(battery_id, 0, 0, 0, cells, -1, -1, -1, percent)
-        bench.cameras.on_component(MessageSource(7, mavlink.MAV_COMP_ID_CAMERA), decoded(said), bench.now_s, 1.9e9)
+        bench.cameras.on_component(MessageSource(7, mavlink.MAV_COMP_ID_CAMERA), received(said), bench.now_s, 1.9e9)
         return link.status().battery_percent
 
     assert link.status().battery_percent is None
@@ -373,7 +374,7 @@ def test_another_vehicle_has_other_cameras() -> None:
     bench.cameras.attach(MessageSource(8, 1), Px4())
     with pytest.raises(LinkLostError, match="another autopilot was found"):
         waiting.result(0)
-    heartbeat = decoded(mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_CAMERA, 8, 0, 0, 0, 3))
+    heartbeat = received(mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_CAMERA, 8, 0, 0, 0, 3))
     bench.cameras.on_component(MessageSource(8, 100), heartbeat, bench.now_s, 1.9e9)
     assert [each.number for each in bench.cameras.found] == [0]  # one message finds none
     bench.cameras.on_component(MessageSource(8, 100), heartbeat, bench.now_s + 1.0, 1.9e9)
@@ -451,7 +452,7 @@ def test_a_signed_vehicles_camera_must_sign_too() -> None:
     harness = Harness(signer=signer)
 
     def signed(system_id: int, component_id: int, kind: int, autopilot: int, after_s: float = 0.0) -> bytes:
-        codec = Codec(component_id, Signer(b"k" * 32, lambda: 1.42e9 + 5e8 + after_s))
+        codec = AutopilotCodec(component_id, Signer(b"k" * 32, lambda: 1.42e9 + 5e8 + after_s))
         codec.join(system_id)
         return codec.encode(mavlink.MAVLink_heartbeat_message(kind, autopilot, 0, 0, 0, 3))
 
@@ -470,12 +471,12 @@ def test_one_message_finds_no_camera_and_changes_none() -> None:
     bench = Bench()
     link = bench.found()
     info = link.info(bench.now_s)
-    stray = decoded(mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_CAMERA, 8, 0, 0, 0, 3))
+    stray = received(mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_CAMERA, 8, 0, 0, 0, 3))
     bench.cameras.on_component(STRAY, stray, bench.now_s, 1.9e9)
     nobody = mavlink.MAVLink_camera_information_message(
         1, list(b"x".ljust(32, b"\0")), list(b"y".ljust(32, b"\0")), 1, 1.0, 1.0, 1.0, 1, 1, 0, 0, 0, b""
     )
-    link.on_message(decoded(nobody), bench.now_s, 1.9e9)
+    link.on_message(received(nobody), bench.now_s, 1.9e9)
     assert link.info(bench.now_s) == info
     bench.run(5.0)  # it is asked again, and says what it is
     assert link.info(bench.now_s) == info

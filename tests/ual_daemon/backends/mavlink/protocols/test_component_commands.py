@@ -5,6 +5,7 @@ from __future__ import annotations
 from concurrent.futures import Future
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.ual_daemon.backends.mavlink.fakes import Harness, ack, heartbeat, packer
 from ual.errors import (
@@ -16,7 +17,7 @@ from ual.errors import (
 )
 from ual_daemon.backends.mavlink.dialects.command_long import AGAIN, CommandLong
 from ual_daemon.backends.mavlink.protocols.component_commands import LATE_ANSWER_S, LOST_COMPONENT_S
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 
 PARACHUTE: int = mavlink.MAV_COMP_ID_PARACHUTE
 COMMAND: int = mavlink.MAV_CMD_DO_PARACHUTE

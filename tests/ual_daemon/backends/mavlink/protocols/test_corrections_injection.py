@@ -8,8 +8,10 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.rtcm import message, messages
+from tests.simulators.codec import received
 from tests.simulators.satellite_receiver import SatelliteReceiver
 from ual_daemon.backends.firmwares.baseline import REPORT_AGE_LIMIT_S
 from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
@@ -24,7 +26,7 @@ from ual_daemon.backends.mavlink.protocols.corrections_injection import (
     pieces,
 )
 from ual_daemon.backends.mavlink.wire.frames import MessageSource
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 from ual_daemon.backends.offers.corrections import MOST_WAITING_BYTES
 from ual_daemon.services.rtcm import RtcmFramer
 
@@ -48,12 +50,11 @@ class Bench:
     def _send(self, message: Message) -> bool:
         if not self.leaves:
             return False
-        codec = mavlink.MAVLink(None)
-        received: Any = codec.decode(bytearray(message.pack(codec)))
-        if received.get_type() == "GPS_RTCM_DATA":
-            self.receiver.on_rtcm_data(received)
+        sent = received(message)
+        if sent.get_type() == "GPS_RTCM_DATA":
+            self.receiver.on_rtcm_data(sent)
         else:
-            self.others.append(received)
+            self.others.append(sent)
         return True
 
 

@@ -9,6 +9,7 @@ from concurrent.futures import Future
 from typing import Any
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.ual_daemon.backends.mavlink.protocols.served import HERE, Served, error_of
 from ual.errors import (
@@ -29,7 +30,6 @@ from ual_daemon.backends.mavlink.protocols.ftp_steps import (
     WINDOW_BLOCKS,
 )
 from ual_daemon.backends.mavlink.wire.frames import MessageSource
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 FUZZ_COUNT = int(os.environ.get("UAL_TEST_FUZZ", "10000"))
 LOG = "/fs/microsd/log/2026-11-25/13_22_11.ulg"

@@ -14,9 +14,10 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.ual_daemon.backends.mavlink.protocols.simulated_camera import STEP_S, Bench
-from tests.ual_daemon.backends.mavlink.protocols.test_mission_transfers import BadLink, codec, store
+from tests.ual_daemon.backends.mavlink.protocols.test_mission_transfers import BadLink, store
 from ual.cameras import CameraStatus, Photo, VideoStream
 from ual.errors import UalError
 from ual.fences.values import FenceZone, KeptFence, RallyPoint
@@ -40,7 +41,7 @@ from ual_daemon.backends.mavlink.protocols.mission_progress import MissionProgre
 from ual_daemon.backends.mavlink.protocols.mission_sender import item_of
 from ual_daemon.backends.mavlink.protocols.mission_transfers import MissionTransfers
 from ual_daemon.backends.mavlink.wire.frames import MavlinkFrame, MessageSource, split
-from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Codec, Message
 
 FUZZ_COUNT = int(os.environ.get("UAL_TEST_FUZZ", "4000"))
 HERE = (7, 191)
@@ -64,7 +65,7 @@ class Invented:
 
     def __init__(self, noise: random.Random) -> None:
         self._noise = noise
-        self._codec = codec(1, 1)
+        self._codec = Codec(1)
 
     def of(self, message_id: int, source: MessageSource) -> Any:
         """Returns a message of a kind; all its bytes may be anything."""
@@ -110,7 +111,6 @@ class FuzzedLink(BadLink):
         self.items: set[tuple[int, int, str]] = set()
         """The list, the number and the content of each item that has come."""
         self._invented, self._share = Invented(self.noise), share
-        self._up: Codec = codec(1, 1)
 
     def keep_anything(self) -> None:
         """The autopilot has lists that no station of ours would upload."""
@@ -125,7 +125,7 @@ class FuzzedLink(BadLink):
     def _arrive(self, is_up: bool, data: bytes) -> None:
         [frame] = split(data)[0]
         if is_up and frame.message_id == mavlink.MAVLINK_MSG_ID_MISSION_SET_CURRENT:
-            self.send(mavlink.MAVLink_mission_current_message(self._up.decode(frame).seq, 5, 2, 2), self.now_s)
+            self.send(mavlink.MAVLink_mission_current_message(self._ours.decode(frame).seq, 5, 2, 2), self.now_s)
             return
         if is_up:
             super()._arrive(is_up, data)
@@ -136,12 +136,12 @@ class FuzzedLink(BadLink):
     def _spoilt(self, frame: MavlinkFrame) -> list[Any]:
         dice = self.noise.random()
         if dice >= self._share:
-            return [self._up.decode(frame)]
+            return [self._ours.decode(frame)]
         if dice < self._share / 4.0:
             return []
         if dice < self._share / 2.0:
             return [self._invented.of(self.noise.choice(KINDS), MessageSource(7, 1))]
-        return [self._up.decode(frame), self._invented.received(self._theirs.encode(self._likely()))]
+        return [self._ours.decode(frame), self._invented.received(self._theirs.encode(self._likely()))]
 
     def _likely(self) -> Message:
         """Returns a message that fits, but for what it says."""

@@ -11,6 +11,7 @@ from functools import partial
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.ual_daemon.backends.mavlink.protocols.simulated_gimbal import (
     AUTOPILOT,
@@ -31,7 +32,7 @@ from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.protocols import gimbal_values
 from ual_daemon.backends.mavlink.wire.frames import MessageSource
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 
 BODY, HORIZON, EARTH = GimbalReference.BODY, GimbalReference.HORIZON, GimbalReference.EARTH
 TURN, CONFIGURE = mavlink.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW, mavlink.MAV_CMD_DO_GIMBAL_MANAGER_CONFIGURE
@@ -282,7 +283,7 @@ def test_a_roll_is_sent_once_the_other_angles_were_accepted() -> None:
     bench.step()
     (aim,) = bench.manager.aims
     w, x, y, z = aim.q
-    assert Quaternion(x, y, z, w).to_euler() == pytest.approx((0.3, -0.4, 0.0))
+    assert Quaternion(x, y, z, w).to_euler() == pytest.approx((0.3, -0.4, 0.0), abs=1e-6)
     bench.manager.result = DENIED
     with pytest.raises(RejectedByAutopilotError):
         bench.ended(lambda future: link.turn(GimbalAngles(0.3, 0.4, 0.0), HORIZON, future))

@@ -8,6 +8,7 @@ from concurrent.futures import Future
 from typing import Any
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.ual_daemon.backends.mavlink.protocols.served import Served, error_of
 from ual.errors import LinkLostError, RejectedByAutopilotError, ResourceExhaustedError, UalTimeoutError
@@ -19,7 +20,6 @@ from ual_daemon.backends.mavlink.protocols.log_transfers import (
     PROGRESS_TIMEOUT_S,
     LogEntry,
 )
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 FUZZ_COUNT = int(os.environ.get("UAL_TEST_FUZZ", "10000"))
 

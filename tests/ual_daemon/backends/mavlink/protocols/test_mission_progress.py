@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pymavlink.dialects.v20 import all as mavlink
 
 from ual.errors import LinkLostError, UalError, UalTimeoutError, WrongStateError
 from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
@@ -19,7 +20,7 @@ from ual_daemon.backends.mavlink.protocols.mission_progress import (
     MissionProgressProtocol,
 )
 from ual_daemon.backends.mavlink.wire.frames import MessageSource
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 from ual_daemon.backends.offers.parameters import UndecidedError
 
 ACTIVE = mavlink.MISSION_STATE_ACTIVE

@@ -10,7 +10,9 @@ from concurrent.futures import Future
 from typing import Any
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
+from tests.simulators.codec import AutopilotCodec
 from tests.simulators.mission_store import FENCE, ArduPilotStore, MissionStore, Px4Store, Sender
 from tests.ual_daemon.backends.mavlink.fakes import Harness, heartbeat, position
 from ual.errors import (
@@ -42,7 +44,7 @@ from ual_daemon.backends.mavlink.protocols.mission_exchange import (
 )
 from ual_daemon.backends.mavlink.protocols.mission_transfers import MOST_WAITING_TRANSFERS, MissionTransfers
 from ual_daemon.backends.mavlink.wire.frames import MessageSource, split
-from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Codec, Message
 
 OWN, OTHER = (7, 191), (255, 190)
 CIRCLE = mavlink.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION
@@ -487,7 +489,9 @@ class BadLink:
         self.now_s = 0.0
         self._count = itertools.count()
         self._under_way: list[tuple[float, int, bool, bytes]] = []
-        self._ours, self._theirs = codec(7, 191), codec(7, 1)
+        self._ours, self._theirs = Codec(191), AutopilotCodec(1)
+        self._ours.join(7)
+        self._theirs.join(7)
         self.transfers = MissionTransfers(self._ours_sends, lambda _: True)
         self.transfers.attach(MessageSource(7, 1), Px4())
         self.station: list[Message] = []
@@ -521,7 +525,7 @@ class BadLink:
 
     def _arrive(self, is_up: bool, data: bytes) -> None:
         [frame] = split(data)[0]
-        message = codec(1, 1).decode(frame)
+        message = self._theirs.decode(frame) if is_up else self._ours.decode(frame)
         if is_up:
             sender = Sender(self, frame.system_id, frame.component_id)  # type: ignore[arg-type]  # only what is used
             self.store.handlers()[frame.message_id](message, sender, self.now_s)
@@ -529,12 +533,6 @@ class BadLink:
             self.transfers.handlers[frame.message_id](message, self.now_s)
         else:
             self.station.append(message)
-
-
-def codec(system_id: int, component_id: int) -> Codec:
-    made = Codec(component_id)
-    made.join(system_id)
-    return made
 
 
 def store(kind: str) -> MissionStore:

@@ -9,13 +9,14 @@ from concurrent.futures import Future
 from typing import Any
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
-from tests.ual_daemon.backends.mavlink.protocols.served import through
+from tests.simulators.codec import received
 from ual.parameters import Parameter
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.protocols.parameter_transfers import ParameterTransfers
 from ual_daemon.backends.mavlink.wire.frames import MessageSource
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 
 COUNT = 1000
 BYTES_S = 921_600 / 10
@@ -55,14 +56,14 @@ class LinkStub:
         return self.now_s
 
     def _ask(self, message: Message) -> None:
-        sent: Any = through(message)
+        sent: Any = received(message)
         if sent.get_type() == "PARAM_REQUEST_LIST":
             self._carry(lambda: self._queue.extend(range(COUNT)))
         else:
             self._carry(lambda: self._queue.append(sent.param_index))
 
     def _tell(self, index: int) -> None:
-        value = through(mavlink.MAVLink_param_value_message(f"P{index:04}".encode(), float(index), 9, COUNT, index))
+        value = received(mavlink.MAVLink_param_value_message(f"P{index:04}".encode(), float(index), 9, COUNT, index))
         self.carried_bytes += VALUE_BYTES
         self._carry(lambda: self.transfers.on_value(value, self.now_s))
 

@@ -9,7 +9,9 @@ from concurrent.futures import Future
 from typing import Any
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
+from tests.simulators.codec import received
 from tests.ual_daemon.backends.mavlink.fakes import Harness, heartbeat, position
 from ual.errors import (
     InvalidArgumentError,
@@ -39,7 +41,6 @@ from ual_daemon.backends.mavlink.protocols.parameter_exchanges import (
 from ual_daemon.backends.mavlink.protocols.parameter_transfers import MOST_WAITING_EXCHANGES, ParameterTransfers
 from ual_daemon.backends.mavlink.wire import checksum
 from ual_daemon.backends.mavlink.wire.frames import MessageSource
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 
 REAL32, INT32 = ParameterType.REAL32, ParameterType.INT32
 X5 = Parameter("X", 5.0, REAL32)
@@ -66,7 +67,7 @@ class Bench:
     def value(self, name: str, value: float, place: int = 65535, total: int = 3, kind: int = 9) -> None:
         """A PARAM_VALUE comes."""
         message = mavlink.MAVLink_param_value_message(name.encode(), value, kind, total, place)
-        self.transfers.on_value(decoded(message), self.now_s)
+        self.transfers.on_value(received(message), self.now_s)
 
     def read(self, name: str = "X") -> Future[Parameter]:
         future: Future[Parameter] = Future()
@@ -88,7 +89,7 @@ class Bench:
 
     def requests(self) -> list[Any]:
         """Returns what was sent since the last call: names that are read, places, values that are written, the list."""
-        sent, self.sent[:] = [decoded(each) for each in self.sent], []
+        sent, self.sent[:] = [received(each) for each in self.sent], []
         assert all((each.target_system, each.target_component) == (7, 1) for each in sent)
         shown: dict[str, Any] = {
             "PARAM_REQUEST_LIST": lambda _: "list",
@@ -96,12 +97,6 @@ class Bench:
             "PARAM_SET": lambda each: (each.param_id, each.param_value),
         }
         return [shown[each.get_type()](each) for each in sent]
-
-
-def decoded(message: Message) -> Any:
-    """As it is received: a name as text, a value as a number of 32 bits."""
-    codec = mavlink.MAVLink(None)
-    return codec.decode(bytearray(message.pack(codec)))
 
 
 def error_of(future: Future[Any]) -> UalError:
@@ -171,7 +166,7 @@ def test_what_the_autopilot_says_of_a_name_is_quoted(bench: Bench) -> None:
         for name in (b"Y", b"X"):
             assert not future.done()
             message = mavlink.MAVLink_param_error_message(7, 191, name, -1, number)
-            bench.transfers.on_error(decoded(message))
+            bench.transfers.on_error(received(message))
         assert isinstance(error_of(future), kind)
 
 

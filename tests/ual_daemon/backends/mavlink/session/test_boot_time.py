@@ -6,10 +6,11 @@ import logging
 import random
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.ual_daemon.backends.mavlink.fakes import BOOT_MS, UTC_S, Harness, attitude, heartbeat, position
 from ual_daemon.backends.engine.boot_time import MESSAGE_SILENCE_S, PROOFS_COUNT, SHORTEST_BOOT_S, WRAP_S, BootTime
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 
 
 def run(boot: BootTime, boot_s: float, now_s: float, duration_s: float, rate_hz: float = 50.0) -> int:

@@ -3,6 +3,7 @@ from concurrent.futures import Future
 from dataclasses import replace
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.ual_daemon.backends.mavlink.fakes import Harness as BaseHarness
 from tests.ual_daemon.backends.mavlink.fakes import ack, attitude, heartbeat
@@ -17,7 +18,7 @@ from ual_daemon.backends.mavlink.dialects.command_long import (
     request_message,
 )
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.autopilot_command import COMMAND_PATIENCE_S
 

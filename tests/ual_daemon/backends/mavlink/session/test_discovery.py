@@ -1,5 +1,7 @@
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
+from tests.simulators.codec import AutopilotCodec
 from tests.ual_daemon.backends.mavlink.fakes import (
     ADDRESS,
     Harness,
@@ -10,7 +12,6 @@ from tests.ual_daemon.backends.mavlink.fakes import (
 )
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
 from ual_daemon.backends.mavlink.wire import frames, untaken
-from ual_daemon.backends.mavlink.wire.messages import Codec, mavlink
 from ual_daemon.backends.mavlink.wire.signing import Signer
 
 
@@ -199,7 +200,7 @@ def test_an_autopilot_of_system_0_is_watched_and_nothing_is_sent_to_all_systems(
     )
     assert not harness.session.info().capabilities
     assert harness.snapshot().motion.pose is not None
-    sent = [Codec(1).decode(frame) for data in harness.link.sent for frame in frames.split(data)[0]]
+    sent = [AutopilotCodec(1).decode(frame) for data in harness.link.sent for frame in frames.split(data)[0]]
     assert {each.get_type() for each in sent} == {"HEARTBEAT", "TIMESYNC"}
     assert {each.get_srcSystem() for each in sent} == {245}
 

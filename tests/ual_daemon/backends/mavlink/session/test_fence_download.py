@@ -5,13 +5,13 @@ from __future__ import annotations
 from concurrent.futures import Future
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from ual.errors import ResourceExhaustedError, UalTimeoutError
 from ual_daemon.backends.firmwares.fence_zones import FoundZones
 from ual_daemon.backends.firmwares.mission_items import MissionItem, MissionList, MissionType
 from ual_daemon.backends.mavlink.protocols.mission_transfers import MissionTransfers, OpaqueIds
 from ual_daemon.backends.mavlink.session.fence_download import FIRST_PAUSE_S, MAX_ITEMS, POLL_S, FenceDownload
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 CIRCLE = mavlink.MAV_CMD_NAV_FENCE_CIRCLE_EXCLUSION
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.ual_daemon.backends.mavlink.fakes import ADDRESS, Harness, attitude, heartbeat, packer, position
 from ual.errors import NotSupportedError
@@ -10,7 +11,7 @@ from ual.types import State
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.unknown import Unknown
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 from ual_daemon.flight.state import estimate
 
 ARDUPILOT = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA

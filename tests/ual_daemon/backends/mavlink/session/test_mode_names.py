@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from pymavlink.dialects.v20 import all as mavlink
+
 from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.session.mode_names import LONGEST_NAME_CHARACTERS, MOST_REQUESTS, REQUEST_S, ModeNames
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 from ual_daemon.backends.values import Control, Mode
 
 LOITER, EXTERNAL_1 = 4 << 16 | 3 << 24, 4 << 16 | 11 << 24

@@ -2,13 +2,13 @@ from concurrent.futures import Future
 from typing import Any
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.ual_daemon.backends.mavlink.fakes import Harness, heartbeat
 from ual.errors import PermissionDeniedError, RejectedByAutopilotError, UalTimeoutError
 from ual_daemon.backends.base import BackendOptions
 from ual_daemon.backends.firmwares.safety_pilot import LinkPilot
 from ual_daemon.backends.mavlink import MavlinkBackend
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 SIMULATOR_UID = int.from_bytes(b"ONIDLATI", "little")  # of system 1
 OFFBOARD, LOITER = 6 << 16, 4 << 16 | 3 << 24

@@ -7,11 +7,12 @@ import random
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pymavlink.dialects.v20 import all as mavlink
 
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.session.sequence import SequenceGaps, SequenceUnwrapper
 from ual_daemon.backends.mavlink.session.telemetry import LATE_MESSAGE_S, AutopilotTelemetry
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 
 OFFBOARD, POSCTL = 6 << 16, 3 << 16
 

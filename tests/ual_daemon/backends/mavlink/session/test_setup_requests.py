@@ -12,7 +12,9 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
+from tests.simulators.codec import AutopilotCodec
 from tests.ual_daemon.backends.mavlink.fakes import BOOT_MS, UTC_S, Harness, ack, attitude, heartbeat, position
 from ual_daemon.backends.mavlink.dialects.ardupilot import ArduCopter
 from ual_daemon.backends.mavlink.dialects.command_long import LongCommand
@@ -20,7 +22,6 @@ from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.session.setup_requests import SetupRequests
 from ual_daemon.backends.mavlink.wire.frames import split
-from ual_daemon.backends.mavlink.wire.messages import Codec, mavlink
 
 STEP_S = 0.01
 INTERVAL, REQUEST = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, mavlink.MAV_CMD_REQUEST_MESSAGE
@@ -249,7 +250,7 @@ def _answering(harness: Harness, result: int | None, duration_s: float) -> list[
     groups: list[Any] = []
     for _ in range(round(duration_s / 0.1)):
         harness.run(0.1)
-        sent = [Codec(1).decode(frame) for data in harness.link.sent for frame in split(data)[0]]
+        sent = [AutopilotCodec(1).decode(frame) for data in harness.link.sent for frame in split(data)[0]]
         harness.link.sent.clear()
         groups += [each for each in sent if each.get_type() == "REQUEST_DATA_STREAM"]
         said: list[Any] = [GENERIC]

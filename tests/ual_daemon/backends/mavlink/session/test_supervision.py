@@ -3,13 +3,13 @@ import logging
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.ual_daemon.backends.mavlink.fakes import BOOT_MS, Harness, attitude, heartbeat, packer
 from ual_daemon.backends.engine.link_watch import LinkWatch, LinkWatchState
 from ual_daemon.backends.mavlink.session.heartbeat_watchdog import HEARTBEAT_LATE_S
 from ual_daemon.backends.mavlink.session.supervision import LinkCounts
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 
 def beat(watch: LinkCounts, begin_s: float, end_s: float, rate_hz: float = 10.0, first: int = 0) -> int:

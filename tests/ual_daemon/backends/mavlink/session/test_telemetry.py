@@ -2,6 +2,7 @@ import math
 from typing import Any
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.snapshots import value_of
 from tests.ual_daemon.backends.mavlink.fakes import (
@@ -18,7 +19,7 @@ from ual.types import Battery, GpsFix, State
 from ual_daemon.backends.mavlink.backend import MavlinkBackend
 from ual_daemon.backends.mavlink.links import Address
 from ual_daemon.backends.mavlink.wire.frames import MavlinkFrame
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 from ual_daemon.backends.values import Control, LandedState
 from ual_daemon.flight.state import estimate
 from ual_daemon.geodesy import SphereProjection

@@ -3,10 +3,10 @@
 import random
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.ual_daemon.backends.mavlink.fakes import ADDRESS, Harness, attitude, heartbeat, packer, position
 from ual_daemon.backends.mavlink.links import Address
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.backends.mavlink.wire.receiver import Receiver
 from ual_daemon.backends.payload import PayloadMessage
 

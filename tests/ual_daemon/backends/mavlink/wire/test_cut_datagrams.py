@@ -5,12 +5,12 @@ import random
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.ual_daemon.backends.mavlink import fakes
 from tests.ual_daemon.backends.mavlink.fakes import ADDRESS, Harness, heartbeat, packer
 from ual_daemon.backends.mavlink.wire import checksum, frames
 from ual_daemon.backends.mavlink.wire.frames import MOST_SOURCES, FrameReader
-from ual_daemon.backends.mavlink.wire.messages import mavlink
 
 pack = packer()
 TEXT = pack(mavlink.MAVLink_statustext_message(6, b"\xfd\xfe\xfd\x09\x00\xfe" * 8, 7, 0))

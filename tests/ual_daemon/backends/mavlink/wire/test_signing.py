@@ -5,10 +5,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.ual_daemon.backends.mavlink.fakes import ADDRESS, Harness, attitude, heartbeat, packer
 from ual_daemon.backends.mavlink.wire.frames import MavlinkFrame, split
-from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
+from ual_daemon.backends.mavlink.wire.messages import Message
 from ual_daemon.backends.mavlink.wire.signing import (
     EPOCH_S,
     MOST_SENDERS,
