@@ -203,7 +203,7 @@ class Preconditions(RefusalLog):
             if not is_stopped:
                 if command not in _ENDS and (why := self._flight.why_it_may_lie(snapshot, found.state)):
                     metadata = {"state": found.state.name, "needed": "land", "command": command}
-                    raise WrongStateError(f"{command}: {why}: {ENDS_LYING}", metadata)
+                    raise WrongStateError(f"{command}: {why}: {ENDS_LYING}; if it flies, climb 1 m by hand", metadata)
                 return snapshot
         _require_link(command, found)
         if is_stopped and found.state is not State.UNINITIALIZED:  # by old data, or another vehicle's, nothing is known
