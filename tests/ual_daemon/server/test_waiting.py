@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Callable
 from concurrent.futures import Future
 
 import pytest
@@ -46,3 +47,31 @@ def test_a_future_may_outlive_the_loop() -> None:
 
     asyncio.run(run())
     future.set_result(None)
+
+
+def test_the_end_of_what_many_have_waited_for_notifies_only_those_who_still_wait(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """A client that waits for a task in short pieces leaves thousands behind, all on the thread that flies."""
+    notified: list[object] = []
+
+    async def run() -> None:
+        loop = asyncio.get_running_loop()
+        soon = loop.call_soon_threadsafe
+
+        def note(callback: Callable[..., object], *arguments: object) -> asyncio.Handle:
+            notified.append(callback)
+            return soon(callback, *arguments)
+
+        monkeypatch.setattr(loop, "call_soon_threadsafe", note)
+        future: Future[None] = Future()
+        for _ in range(1000):
+            await asyncio.wait((completion(future),), timeout=0.0)
+        patient = asyncio.create_task(ended(future))
+        await asyncio.sleep(0)
+        future.set_result(None)
+        await patient
+        await completion(future)  # one that comes too late has not to wait
+
+    asyncio.run(run())
+    assert len(notified) <= 10
