@@ -22,13 +22,13 @@ from ual_daemon.server.call_log import CallObserver, observed
 from ual_daemon.server.calls import CallFigures, Calls
 from ual_daemon.server.headroom import MOST_REQUEST_BYTES
 from ual_daemon.server.motion_gate import MotionGate
-from ual_daemon.server.planning import PlanFigures
 from ual_daemon.server.services.simulation import SimulationServicer
 from ual_daemon.server.simulation_service import SimulatedTime
 from ual_daemon.server.telemetry_stream import LoopCalls, Updates
 from ual_daemon.server.traced import traced
 from ual_daemon.server.transport.base import MakeCredentials, ServedCall, Transport
 from ual_daemon.server.uav_service import UalServicer
+from ual_daemon.vehicle.planning import PlanFigures
 
 if TYPE_CHECKING:
     from ual_daemon.choice import ServedVehicle

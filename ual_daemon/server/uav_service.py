@@ -21,11 +21,11 @@ from ual_daemon.flight.flight import LastCommand
 from ual_daemon.flight.policy.lease import EXPIRES_AFTER_S
 from ual_daemon.flight.tasks import VehicleTask
 from ual_daemon.server.access import caller
-from ual_daemon.server.planning import PlanFigures, Planning
 from ual_daemon.server.services.uav import UalServicerBase
 from ual_daemon.server.telemetry_stream import Updates
 from ual_daemon.server.transport.base import ServedCall
 from ual_daemon.server.waiting import after, completion, ended
+from ual_daemon.vehicle.planning import PlanFigures, Planning
 from ual_daemon.vehicle.prepared import Prepared
 
 if TYPE_CHECKING:

@@ -310,7 +310,7 @@ class Mission(interface.Mission):
 
     @override
     def plan(self, items: Sequence[Item]) -> MissionPlan:
-        return self._of_vehicle.plan(items=items)
+        return answer(self._of_vehicle.plan(items=items), "PlanMission")
 
     @override
     def upload(self, items: Sequence[Item]) -> StoredMission:

@@ -24,7 +24,7 @@ from ual_daemon.vehicle.upload_journal import MISSION
 
 LOOK = Pause(0.2)
 """Pause between two looks at a watched mission. Autopilots tell it once or twice a second."""
-_UPLOAD, _CLEAR, _START = "upload_mission", "clear_mission", "start_mission"
+_PLAN, _UPLOAD, _CLEAR, _START = "plan_mission", "upload_mission", "clear_mission", "start_mission"
 
 _log = logging.getLogger(__name__)
 
@@ -35,11 +35,11 @@ class VehicleMission:
     def __init__(self, vehicle: CommandedVehicle) -> None:
         self._vehicle = vehicle
 
-    @in_thread  # a thousand items in a fence take a second
-    def plan(self, items: Sequence[Item]) -> MissionPlan:
+    @in_thread  # it reads a thousand items
+    def plan(self, items: Sequence[Item]) -> Future[MissionPlan]:
         """See `ual.interface.Mission`."""
         self._require_items(self._offer(), items)
-        return self._vehicle.missions.plan(items)
+        return self._planned(_PLAN, items)
 
     @in_thread  # it writes a file
     def upload(self, items: Sequence[Item], lease_id: str) -> Future[StoredMission]:
@@ -89,10 +89,16 @@ class VehicleMission:
             if not kept.items:
                 raise WrongStateError(f"{_START}: the autopilot has no mission; upload one", {"needed": _UPLOAD})
             changes_count = self._vehicle.missions.changes_count
-            return then(offer.on_its_own(), lambda own: begin(kept, own, changes_count))
+            return then_wait(offer.on_its_own(), lambda own: on_known(kept, own, changes_count))
+
+        def on_known(kept: KeptMission, own: OnItsOwn, changes_count: int) -> Future[TaskInfo]:
+            _require_link_loss(on_link_loss, own)
+            # Not here, on the thread that sends the setpoints.
+            check = partial(self._vehicle.missions.check_start, kept, first, own, lease_id, changes_count)
+            checking = self._vehicle.missions.plans.begin(_START, check)
+            return then(checking, lambda _: begin(kept, own, changes_count))
 
         def begin(kept: KeptMission, own: OnItsOwn, changes_count: int) -> TaskInfo:
-            _require_link_loss(on_link_loss, own)
             order = CommandOrigin(lease_id, since)
             return self._vehicle.missions.start(offer, kept, first, own, order, changes_count, began_in).info()
 
@@ -138,9 +144,13 @@ class VehicleMission:
     def _require_inside(self, items: Sequence[Item]) -> None:
         """Checks a mission against the geofence, as far as that is known; its start checks it again."""
         try:
-            self._vehicle.missions.plan(items)
+            self._planned(_UPLOAD, items).result()
         except (WrongStateError, FrameLostError) as error:
             logs.event(_log, logging.INFO, "mission_not_planned", why=error.message)
+
+    def _planned(self, command: str, items: Sequence[Item]) -> Future[MissionPlan]:
+        missions = self._vehicle.missions
+        return missions.plans.begin(command, partial(missions.plan, items))
 
     def _require_change(self, command: str, lease_id: str) -> None:
         require_change(self._vehicle, command, lease_id)

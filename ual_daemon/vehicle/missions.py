@@ -31,6 +31,7 @@ from ual_daemon.vehicle.distance_limit import DistanceLimit
 from ual_daemon.vehicle.mission_file import MissionFile, RunningMission
 from ual_daemon.vehicle.mission_plan import MissionPlanner
 from ual_daemon.vehicle.mission_stage import Brought, estimated_stage
+from ual_daemon.vehicle.planning import Planning
 from ual_daemon.vehicle.preconditions import Preconditions
 from ual_daemon.vehicle.refusal_log import accepted
 from ual_daemon.vehicle.upload_journal import MISSION, RALLY, UploadJournal
@@ -63,6 +64,8 @@ class Missions:
         self._tasks = tasks
         self._preconditions = Preconditions(backend, flight)
         self._planner = MissionPlanner(flight, resolver, DistanceLimit(settings))
+        self.plans = Planning()
+        """Threads on which `plan` and `check_start` are computed: 20,000 executed items take seconds."""
         self._file = file
         self._uploads = uploads
         self._lost = None if file is None or flight.is_watch_only else file.read()
@@ -122,6 +125,20 @@ class Missions:
         is_ours_to_change = self._flight.is_busy or self._flight.raw_estimate(snapshot).state is not State.LANDED_ARMED
         return "" if is_ours_to_change else snapshot.control.settled_mode
 
+    def check_start(self, kept: KeptMission, first: int, own: OnItsOwn, lease_id: str, changes_count: int) -> None:
+        """Checks whether a mission may begin now, and its way; see `start`. May take seconds.
+
+        Raises:
+            WrongStateError: The state is neither FLYING_AUTO nor LANDED_ARMED, or it cannot begin there; or an upload
+                was cut off.
+            GeofenceError: It leads outside.
+            InvalidArgumentError: It has something that UAL does not know; the item is named.
+
+        """
+        with self._preconditions.logging_refusal(NAME):
+            self._require_start(kept.items, first, own, lease_id, changes_count)
+            self.plan(kept.items, first)
+
     def start(
         self,
         offer: AutopilotMissions,
@@ -132,31 +149,19 @@ class Missions:
         changes_count: int,
         began_in: str = "",
     ) -> VehicleTask:
-        """Begins the mission that was read from the autopilot, with an item counted from 1.
+        """Begins the mission that was read from the autopilot, with an item counted from 1, after `check_start`.
 
         `changes_count` is what it was when the mission had been read, and `began_in` is the `mode_before_start` from
         before that.
 
         Raises:
-            WrongStateError: The state is neither FLYING_AUTO nor LANDED_ARMED, or it cannot begin there; or an upload
-                was cut off.
-            GeofenceError: It leads outside.
-            InvalidArgumentError: It has something that UAL does not know; the item is named.
+            WrongStateError: As `check_start`.
             TaskAbortedError: Another command, such as an abort, began after `CommandOrigin.since`; or another mission
                 was brought meanwhile.
 
         """
         with self._preconditions.logging_refusal(NAME):
-            if changes_count != self.changes_count:
-                text = f"{NAME}: the mission of the autopilot was changed while this one was started: start it again"
-                raise TaskAbortedError(text, {"by": "upload"})
-            self.require_whole()
-            snapshot = self._require_start(kept.items, first, order.lease_id)
-            self.plan(kept.items, first)
-            if own.begins_anew and first > 1:
-                raise WrongStateError(
-                    f"{NAME}: the autopilot would begin with item 1 ({own.begins_anew})", {"needed": "item 1"}
-                )
+            snapshot = self._require_start(kept.items, first, own, order.lease_id, changes_count)
             is_ours = self._flight.raw_estimate(snapshot).state is State.FLYING_AUTO
             reference = self._flight.brake(snapshot) if is_ours else None
             skipped = _skipped(kept.items, first)
@@ -213,7 +218,13 @@ class Missions:
     def _why_not_jump(self, lease_id: str) -> UalError | None:
         return self._flight.lease.refusal("jump_to_item", lease_id)
 
-    def _require_start(self, items: Sequence[Item], first: int, lease_id: str) -> Snapshot:
+    def _require_start(
+        self, items: Sequence[Item], first: int, own: OnItsOwn, lease_id: str, changes_count: int
+    ) -> Snapshot:
+        if changes_count != self.changes_count:
+            text = f"{NAME}: the mission of the autopilot was changed while this one was started: start it again"
+            raise TaskAbortedError(text, {"by": "upload"})
+        self.require_whole()
         snapshot = self._preconditions.require_state(NAME, lease_id, State.FLYING_AUTO, State.LANDED_ARMED)
         checks.require(items)
         self._require_item(items, first)
@@ -227,6 +238,10 @@ class Missions:
                     {"state": State.LANDED_ARMED.name, "needed": State.FLYING_AUTO.name},
                 )
             _require_here(begins, snapshot)
+        if own.begins_anew and first > 1:
+            raise WrongStateError(
+                f"{NAME}: the autopilot would begin with item 1 ({own.begins_anew})", {"needed": "item 1"}
+            )
         return snapshot
 
     def _require_item(self, items: Sequence[Item], item: int) -> None:

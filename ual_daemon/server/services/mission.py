@@ -25,11 +25,11 @@ class MissionServicer(mission_pb2_grpc.MissionServiceServicer):
 
     @override
     async def PlanMission(self, request: pb.PlanMissionRequest, context: object) -> pb.PlanMissionResponse:
-        def made() -> pb.PlanMissionResponse:
-            result = self._of_vehicle.plan(**requests.plan_mission_arguments(request))
-            return pb.PlanMissionResponse(plan=wire.mission_plan_to_proto(result))
-
-        return await asyncio.to_thread(made)
+        result = await answer(
+            await asyncio.to_thread(lambda: self._of_vehicle.plan(**requests.plan_mission_arguments(request))),
+            "PlanMission",
+        )
+        return pb.PlanMissionResponse(plan=wire.mission_plan_to_proto(result))
 
     @override
     async def UploadMission(self, request: pb.UploadMissionRequest, context: object) -> pb.UploadMissionResponse:

@@ -444,7 +444,15 @@ _METHODS = (
     ),
     Method("LogService", "ListLogs", Role.OBSERVER, Kind.QUESTION, limit_s=60.0, caller_limit_s=70.0, is_audited=False),
     Method("LogService", "DownloadLog", Role.PILOT, Kind.CHANGE, limit_s=180.0, caller_limit_s=None),
-    Method("MissionService", "PlanMission", Role.OBSERVER, Kind.QUESTION, is_audited=False),
+    Method(
+        "MissionService",
+        "PlanMission",
+        Role.OBSERVER,
+        Kind.QUESTION,
+        limit_s=58.0,
+        caller_limit_s=60.0,
+        is_audited=False,
+    ),
     Method(
         "MissionService",
         "UploadMission",

@@ -16,8 +16,8 @@ from ual_daemon.backends.offers.corrections import AutopilotCorrections
 from ual_daemon.backends.values import LinkReport
 from ual_daemon.program.metrics.gathering import ProcessMetrics
 from ual_daemon.server.calls import CallFigures
-from ual_daemon.server.planning import PlanFigures
 from ual_daemon.server.server import ServerFigures
+from ual_daemon.vehicle.planning import PlanFigures
 
 SERVED = ServerFigures(
     CallFigures(2, Counter({"StreamTelemetry": 3}), Counter({"GEOFENCE": 4})), 5, PlanFigures(1, 6, 0.75)

@@ -9,8 +9,8 @@ import pytest
 from tests.waiting import LIMIT_S
 from ual.errors import InvalidArgumentError, ResourceExhaustedError
 from ual_daemon import logs
-from ual_daemon.server.planning import MOST_PLANS_AT_ONCE, Planning
 from ual_daemon.server.waiting import ended
+from ual_daemon.vehicle.planning import MOST_PLANS_AT_ONCE, Planning
 
 
 @pytest.fixture
