@@ -6,6 +6,7 @@ import errno
 import logging
 import os
 import threading
+import time
 from collections import deque
 from collections.abc import Callable
 from datetime import datetime
@@ -28,6 +29,8 @@ _PIECE_BYTES = 1 << 20
 _FILE_CHECK_S = 0.5
 """Longest time in s between two checks that the file exists and its disk has space."""
 _RETRY_S = 1.0
+_HUNG_S = 5.0
+"""Seconds after which a disk that has not answered counts as one that takes no line; a worn card may take two."""
 _CLOSE_TIMEOUT_S = 5.0
 
 
@@ -51,9 +54,16 @@ class AuditFigures(NamedTuple):
 class AuditWriter:
     """Writes lines by a thread of its own, until `close`. A disk that takes none for a while delays nobody."""
 
-    def __init__(self, lines: AuditOutput, now: Callable[[], datetime] = utc_now) -> None:
+    def __init__(
+        self,
+        lines: AuditOutput,
+        now: Callable[[], datetime] = utc_now,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
         self._lines = lines
         self._now = now
+        self._clock = clock
+        self._turn_began_s: float | None = None
         self.guard = WorkGuard("audit")
         self.on_change: Callable[[], object] = bool
         """Called when `report` returns something else, on the thread that writes."""
@@ -65,7 +75,7 @@ class AuditWriter:
         self._failure = ""
         self._failing_since = ""
         self._has_space = True
-        self._reported = AuditReport()
+        self._reported: AuditReport | None = AuditReport()
         self._has_more = threading.Condition()
         self._is_closing = False
         self._thread = threading.Thread(target=self._run, name="audit", daemon=True)
@@ -78,7 +88,14 @@ class AuditWriter:
             return self._failure or self._above.trouble
         if not self._has_space:
             return os.strerror(errno.ENOSPC)
+        if self._is_hung:
+            return "the disk does not answer"
         return "" if self._thread.is_alive() else "its thread has ended"
+
+    @property
+    def _is_hung(self) -> bool:
+        began_s = self._turn_began_s
+        return began_s is not None and self._clock() - began_s > _HUNG_S
 
     @property
     def report(self) -> AuditReport:
@@ -140,6 +157,7 @@ class AuditWriter:
 
     def _turn(self) -> None:
         """Writes a piece of what waits, and finds out what cannot be done now."""
+        self._turn_began_s = self._clock()
         try:
             self._check_file()
             if not self._failure:
@@ -154,6 +172,9 @@ class AuditWriter:
         except Exception as error:  # noqa: BLE001  whatever it is, the thread goes on and tries again
             self.guard.note(error)
             self._fail(f"{type(error).__name__}: {error}")
+        if self._is_hung:  # others may have been told meanwhile
+            self._reported = None
+        self._turn_began_s = None
         self._tell()
 
     def _check_file(self) -> None:

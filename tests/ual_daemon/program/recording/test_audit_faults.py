@@ -336,3 +336,28 @@ def test_a_disk_without_space_is_trouble_before_anything_is_written(
     it.put(lambda: {"event": "ended"})  # what still fits is written
     it.close()
     assert [each["event"] for each in entries(file)] == ["opened", "ended"]
+
+
+def test_a_disk_that_does_not_answer_is_trouble_until_it_does(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of a network, or at its end: a write neither ends nor fails. Motions were accepted, which nothing recorded."""
+    now_s, is_asked, answers = [1000.0], threading.Event(), threading.Event()
+    it = Audit(AuditFile(file), clock=lambda: now_s[0])
+    write = os.write
+
+    def hang(to: int, data: bytes) -> int:
+        is_asked.set()
+        assert answers.wait(LIMIT_S)
+        return write(to, data)
+
+    monkeypatch.setattr(f"{audit_file.__name__}.os.write", hang)
+    it.put(lambda: {"event": "ended"})
+    assert is_asked.wait(LIMIT_S)
+    assert it.trouble == ""
+    now_s[0] += 5.1
+    told: list[str] = []
+    it.on_change = lambda: told.append(it.trouble)
+    assert it.trouble == "the disk does not answer"
+    answers.set()
+    until(lambda: told == [""])
+    it.close()
+    assert [each["event"] for each in entries(file)] == ["opened", "ended"]
