@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Protocol
 
 from ual.shared import guard
+from ual.shared.text import sendable
 from ual_daemon.frames.kept_file import KeptFile
 
 BEGIN = "daemon: "
@@ -32,9 +33,9 @@ class DaemonChecks:
 
     def refresh(self) -> None:
         """Looks at the checks again. From any thread; to be called when one of them has changed."""
-        found = tuple(BEGIN + each for source in self._sources for each in source())
+        found = tuple(BEGIN + sendable(each) for source in self._sources for each in source())
         for vehicle in self._vehicles:
-            own = tuple(BEGIN + each for file in vehicle.kept_files for each in file.checks)
+            own = tuple(BEGIN + sendable(each) for file in vehicle.kept_files for each in file.checks)
             vehicle.daemon_checks = found + own
 
     def watch_files(self) -> None:

@@ -76,6 +76,12 @@ def test_every_error_arrives_as_it_was_raised(
     assert received.state == "LANDED_ARMED"
 
 
+def test_an_error_with_the_name_of_a_file_that_is_no_text_can_be_sent() -> None:
+    """A call whose error could not be sent was never answered."""
+    sent = rpc_errors.to_status(errors.UalError("no caf\udce9", {"file": "caf\udce9"}))
+    assert sent.message == "no caf?"
+
+
 def test_a_long_error_is_shortened_to_what_a_call_can_carry(
     failing: tuple[Failing, pb_grpc.UalServiceStub],
 ) -> None:

@@ -62,6 +62,11 @@ def printable(text: str) -> str:
     return "".join(each if each.isprintable() else "?" for each in text[:_LONGEST_TEXT_CHARACTERS])
 
 
+def sendable(text: str) -> str:
+    """Returns text that protobuf takes: what is no UTF-8, as in the name of a file, is replaced."""
+    return text.encode(errors="replace").decode()
+
+
 def sure_encoding(data: bytes) -> str:
     """Returns the encoding that a byte-order mark or the zeros of UTF-16 show, else UTF-8."""
     for mark, encoding in _MARKS:

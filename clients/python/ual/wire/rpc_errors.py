@@ -200,5 +200,5 @@ def error_info(trailing: Iterable[tuple[str, str | bytes]]) -> ErrorInfo | None:
 def _clip(text: str) -> str:
     encoded = text.encode(errors="replace")
     if len(encoded) <= _LONGEST_TEXT_BYTES:
-        return text
+        return encoded.decode()
     return encoded[: _LONGEST_TEXT_BYTES - 3].decode(errors="ignore") + "..."
