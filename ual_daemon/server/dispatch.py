@@ -29,7 +29,7 @@ from ual.wire import rpc_errors
 from ual_daemon import logs
 from ual_daemon.flight.policy.lease import NOBODY
 from ual_daemon.server.access.caller import Caller
-from ual_daemon.server.door import paths_to_times, require_times
+from ual_daemon.server.door import has_lists, paths_to_times, require_few, require_times
 from ual_daemon.server.headroom import SMALL_REQUEST_BYTES, Headroom
 from ual_daemon.server.motion_gate import FLIES, MotionGate
 from ual_daemon.server.standstill import MOVES, Standstill
@@ -62,6 +62,7 @@ class ServedMethod:
         kind = getattr(self.decode, "__self__", None)
         is_message = isinstance(kind, type) and issubclass(kind, Message)
         self.times = paths_to_times(cast("Any", kind).DESCRIPTOR) if is_message else ()
+        self.has_lists = is_message and has_lists(cast("Any", kind).DESCRIPTOR)
         self.encode = cast("Callable[[Any], bytes]", handler.response_serializer)
         self.serve = cast(
             "Callable[[Any, Any], Any]",
@@ -186,6 +187,8 @@ class CallAnswer:
             request = self._method.decode(message)
         except DecodeError as error:
             raise InvalidArgumentError(f"{self.call.method}: no such message: {error}") from None
+        if self._method.has_lists:
+            require_few(request)
         if self._method.times:
             require_times(request, self._method.times)
         return request

@@ -1,20 +1,25 @@
-"""The check of times in requests, once for all services: stamps and durations that JSON and clocks can express.
+"""The checks of requests, once for all services: their stamps and durations, and the length of their lists.
 
 A protobuf Timestamp carries any 64-bit number. What is beyond its documented range ends in an error wherever it is
 converted: in the audit, in recordings, in a client.
+
+An empty element of a list takes two bytes: two million of them are a request of 4 MB, and a gigabyte once it is read.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from functools import lru_cache
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, Final, NamedTuple, TypeAlias
 
 from google.protobuf.descriptor import Descriptor, FieldDescriptor
 from google.protobuf.message import Message
 
-from ual.errors import InvalidArgumentError
+from ual.errors import InvalidArgumentError, ResourceExhaustedError
 
+MOST_ELEMENTS: Final = 40_000
+"""Elements in all lists of a request. The longest path has 10,000 waypoints with a speed and a hold for each."""
+_OURS = "ual.v1"
 _YEAR_1_S, _YEAR_9999_S = -62_135_596_800, 253_402_300_799
 _LONGEST_PROTO_DURATION_S = 315_576_000_000
 _NANOS_PER_S = 1_000_000_000
@@ -32,6 +37,51 @@ class _Part(NamedTuple):
     is_repeated: bool
     is_map: bool
     kind: Descriptor
+
+
+def has_lists(kind: Descriptor) -> bool:
+    """Returns whether messages of a kind have lists that are to be short: those of UAL's own services."""
+    return kind.file.package == _OURS and bool(_lists(kind))
+
+
+def require_few(message: Message) -> None:
+    """Requires that the lists of a message are not too long for those who read it.
+
+    Raises:
+        ResourceExhaustedError: They have more than `MOST_ELEMENTS` elements.
+
+    """
+    if _count(message) > MOST_ELEMENTS:
+        raise ResourceExhaustedError(
+            f"{message.DESCRIPTOR.name}: its lists have more than {MOST_ELEMENTS} elements; send fewer at once",
+            {"limit": str(MOST_ELEMENTS)},
+        )
+
+
+def _count(message: Message) -> int:
+    """Returns the count of elements; of those within elements only while there are not too many."""
+    count = 0
+    for name, is_repeated, has_more in _lists(message.DESCRIPTOR):
+        found: Any = getattr(message, name)
+        if is_repeated:
+            count += len(found)
+        if has_more and count <= MOST_ELEMENTS:
+            count += sum(map(_count, found)) if is_repeated else _count(found)
+    return count
+
+
+@lru_cache(maxsize=1024)
+def _lists(kind: Descriptor) -> tuple[tuple[str, bool, bool], ...]:
+    """Returns the fields of a message that are lists, or have some below: name, whether it is one, and has some."""
+    fields = ((each, bool(each.message_type) and _has_list(each.message_type, frozenset())) for each in kind.fields)
+    return tuple((each.name, each.is_repeated, has_more) for each, has_more in fields if each.is_repeated or has_more)
+
+
+def _has_list(kind: Descriptor, above: frozenset[str]) -> bool:
+    if kind.full_name in above:
+        return False
+    above |= {kind.full_name}
+    return any(each.is_repeated or (each.message_type and _has_list(each.message_type, above)) for each in kind.fields)
 
 
 def require_times(message: Message, paths: Ways) -> None:

@@ -12,6 +12,7 @@ from google.protobuf.message import Message
 from ual.shared import guard
 from ual.wire import rpc_errors
 from ual_daemon.server.call_log import CallRecord
+from ual_daemon.server.door import require_few
 
 _SECRETS = frozenset({"lease_id"})
 
@@ -54,7 +55,9 @@ def _message(kind: type[Message] | None, data: bytes | None) -> dict[str, Any] |
         return None
     try:
         if kind is not None:
-            return _without_secrets(MessageToDict(kind.FromString(data), preserving_proto_field_name=True))
+            message = kind.FromString(data)
+            require_few(message)  # one that was refused for that is recorded, too
+            return _without_secrets(MessageToDict(message, preserving_proto_field_name=True))
     except Exception as error:  # noqa: BLE001  a caller chose the bytes, and protobuf raises errors of many kinds
         return {"unreadable_bytes": len(data), "why": guard.cause(error)}
     return {"unreadable_bytes": len(data)}
