@@ -52,6 +52,8 @@ def read_roles(data: bytes) -> Roles:
     """
     from ual_daemon.program import configuration_yaml  # imported late: most daemons need no YAML
 
+    if not data.strip():  # as while it is copied: local callers would become commanders
+        raise ValueError("it is empty")
     try:
         values = configuration_yaml.read_text(data)
         file = convert(values, _RolesFile)

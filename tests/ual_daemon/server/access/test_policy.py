@@ -49,7 +49,7 @@ def test_who_is_on_this_computer(peer: str, is_here: bool) -> None:
 def test_the_roles_file() -> None:
     found = read_roles(b"certificates: {laptop: pilot}\ntokens: {ci: observer}\nlocal: pilot\nnobody: observer\n")
     assert found == Roles({"laptop": Role.PILOT}, {"ci": Role.OBSERVER}, Role.PILOT, Role.OBSERVER)
-    assert read_roles(b"") == Roles()
+    assert read_roles(b"# as without a file") == Roles()
 
 
 @pytest.mark.parametrize(
@@ -60,6 +60,7 @@ def test_the_roles_file() -> None:
         ("people: {}", "people"),
         ("certificates: [laptop]", "certificates"),
         ("a: [", "line 1"),
+        ("\n", "it is empty"),  # as while it is copied
     ],
 )
 def test_why_a_roles_file_is_refused_is_reported(text: str, why: str) -> None:
