@@ -59,19 +59,21 @@ class MovingGoal(Reference):
         self,
         goal: GoalMotion,
         start: Motion,
-        now_s: float,
+        start_s: float,
         limits: Callable[[], Limits],
         admit: Admit | None = None,
         max_speed_m_s: float = math.inf,
     ) -> None:
-        """`max_speed_m_s` holds in any direction; what `limits` returns now, for the horizontal and vertical parts."""
+        """It begins with the motion `start` at `start_s`. `max_speed_m_s` holds in any direction; what `limits` returns
+        now, for the horizontal and vertical parts.
+        """
         self._goal = goal
         self._get_limits, self._limits = limits, limits()
         self._max_speed_m_s = max_speed_m_s
         self._admit = admit
         self._motion = start
-        self._replanned_s, self._updated_s = -math.inf, now_s
-        self._planned_goal = goal(now_s)
+        self._replanned_s, self._updated_s = -math.inf, start_s
+        self._planned_goal = goal(start_s)
         self._plan: _Plan | None = None
         self.has_met = False
         """Whether it moves along with the goal."""
@@ -83,24 +85,25 @@ class MovingGoal(Reference):
     @override
     def setpoint(self, snapshot: Snapshot) -> Setpoint:
         now_s = snapshot.time_s
-        late_s, self._updated_s = now_s - self._updated_s - _PLAN_PERIOD_S, now_s
+        late_s = max(0.0, now_s - self._updated_s - _PLAN_PERIOD_S)
+        begin_s, self._updated_s = self._updated_s + late_s, now_s
         if self._plan is not None and late_s > 0.0:  # after a pause it goes on where it was admitted, without a step
             self._plan = self._plan._replace(begin_s=self._plan.begin_s + late_s)
         if now_s - self._replanned_s >= _PLAN_PERIOD_S:
             if self._plan is not None:
-                self._motion = self._motion_at(self._plan, now_s)
+                begin_s, self._motion = now_s, self._motion_at(self._plan, now_s)
             self._replanned_s, self._limits = now_s, self._get_limits()
-            self._plan = self._new_plan(self._plan, snapshot)
+            self._plan = self._new_plan(self._plan, begin_s, snapshot)
         assert self._plan is not None
         self._motion = self._motion_at(self._plan, now_s)
         return setpoint_of(self._motion)
 
-    def _new_plan(self, old: _Plan | None, snapshot: Snapshot) -> _Plan:
-        """Plans from the motion that is sent now: to the goal, or to rest if that is not possible."""
+    def _new_plan(self, old: _Plan | None, begin_s: float, snapshot: Snapshot) -> _Plan:
+        """Plans from the motion that is sent at a time: to the goal, or to rest if that is not possible."""
         start = self._motion
         try:
-            self._planned_goal = goal = _bounded(self._goal(snapshot.time_s), self._limits, self._max_speed_m_s)
-            plan = _Plan(self._trajectory_to(start, goal), snapshot.time_s, is_relative=True)
+            self._planned_goal = goal = _bounded(self._goal(begin_s), self._limits, self._max_speed_m_s)
+            plan = _Plan(self._trajectory_to(start, goal), begin_s, is_relative=True)
             self._require_admitted(plan, start, goal, snapshot)
         except UalError as error:
             self.stop_reason = error
@@ -110,7 +113,7 @@ class MovingGoal(Reference):
                 return plan
         if old is not None and not old.is_relative:  # it brakes already
             return old
-        return _Plan(Brake(start, self._limits), snapshot.time_s, is_relative=False)
+        return _Plan(Brake(start, self._limits), begin_s, is_relative=False)
 
     def _trajectory_to(self, start: Motion, goal: Motion) -> Trajectory:
         """Plans from a motion to a goal, relative to the goal."""
@@ -155,6 +158,10 @@ class MovingGoal(Reference):
     @override
     def motion(self, snapshot: Snapshot) -> Motion:
         return self._motion
+
+    @override
+    def motion_time_s(self, snapshot: Snapshot) -> float:
+        return self._updated_s
 
     @override
     def pose(self) -> Pose | None:

@@ -31,7 +31,7 @@ def moving_goal(
 
     `bounds` returns the limits to keep now.
     """
-    start, geofence = flight.start(snapshot), flight.geofence
+    start, start_s, geofence = flight.start(snapshot), flight.start_time_s(snapshot), flight.geofence
 
     def admit(polyline: Sequence[Vector3], now: Snapshot) -> None:
         if flight.position.waits:
@@ -42,4 +42,4 @@ def moving_goal(
     def goal_motion(now_s: float) -> Motion:
         return resolver.moving_to_local(goal, now_s, start.yaw_rad)
 
-    return MovingGoal(goal_motion, start, snapshot.time_s, bounds, admit, max_speed_m_s or math.inf)
+    return MovingGoal(goal_motion, start, start_s, bounds, admit, max_speed_m_s or math.inf)

@@ -23,7 +23,7 @@ from ual.errors import (
     UnknownFrameError,
     WrongStateError,
 )
-from ual.geometry import Pose, PoseStamped, Quaternion, Transform, Twist, TwistStamped, Vector3
+from ual.geometry import IDENTITY, Pose, PoseStamped, Quaternion, Transform, Twist, TwistStamped, Vector3
 from ual.simulation import (
     AckLate,
     AckLost,
@@ -378,20 +378,29 @@ def test_a_reference_replaces_a_task(flying: Stepped) -> None:
     assert task.info().status is TaskStatus.ABORTED
 
 
-@pytest.mark.parametrize("command", ["go_to_waypoint", "abort"])
+AGAIN: dict[str, Callable[[Stepped], object]] = {
+    "abort": lambda uav: uav.vehicle.commands.abort(),
+    "go_to_waypoint": lambda uav: uav.prepare.go_to_waypoint(at(20, 0, 3)).begin(),
+    "go_to_waypoint in a moving frame": lambda uav: uav.prepare.go_to_waypoint(at(0, 0, 3, frame_id="boat")).begin(),
+    "set_pose in a moving frame": lambda uav: uav.vehicle.commands.setpoints.set_pose(at(0, 0, 3, frame_id="boat")),
+}
+
+
+@pytest.mark.parametrize("command", AGAIN)
 def test_what_is_commanded_again_between_all_updates_takes_no_longer(flying: Stepped, command: str) -> None:
     """Each begins with the motion of the update before, and so at that time."""
-    passed_s = []
+    passed_s, give = [], AGAIN[command]
     for is_again in (False, True):
         flying.end(flying.prepare.go_to_waypoint(at(0, 0, 3)).begin().future)
-        flying.prepare.go_to_waypoint(at(20, 0, 3)).begin()
+        for _ in range(2):  # one that is given again moves
+            boat = Transform(Vector3(20.0, 0.0, 0.0), IDENTITY, "uav_1/odom", "boat")
+            flying.vehicle.frame_editor.add(boat)
+        (AGAIN["go_to_waypoint"] if command == "abort" else give)(flying)
         flying.until(lambda: flying.speed > 1.5)
         passed_s.append(0.0)
         while not (flying.pose.position.x > 19.5 or flying.speed < 0.1):
-            if command == "abort" and (is_again or passed_s[-1] == 0.0):
-                flying.vehicle.commands.abort()
-            elif is_again:
-                flying.prepare.go_to_waypoint(at(20, 0, 3)).begin()
+            if is_again or (command == "abort" and passed_s[-1] == 0.0):
+                give(flying)
             flying.run(STEP_S)
             passed_s[-1] += STEP_S
     assert passed_s[1] == pytest.approx(passed_s[0], abs=3 * UPDATE_S)
