@@ -304,7 +304,7 @@ class CameraLink:
         self._line = CameraSender(self._command, self.name)
 
     def _on_photo(self, message: Message, now_s: float, utc_now_s: float) -> None:
-        if not self._reported.is_new(message.image_index, message.time_boot_ms, now_s):
+        if not self._reported.is_new(message.image_index, message.time_boot_ms or message.time_utc, now_s):
             return
         is_stored = message.capture_result == 1
         if not is_stored:

@@ -16,7 +16,7 @@ MOST_KNOWN_PHOTOS = 1000
 
 
 class ReportedPhotos:
-    """Takes the index and the time since boot of each report.
+    """Takes the index and the time of each report.
 
     `request` requests the report of an index, and gets how often it was requested before.
 
@@ -27,20 +27,25 @@ class ReportedPhotos:
     def __init__(self, request: Callable[[int, int], object]) -> None:
         self._request = request
         self._known: OrderedDict[int, int] = OrderedDict()
-        """The time since boot, in ms, of the reports that have come last."""
+        """Times of the reports that have come last, by their number."""
         self._next: int | None = None
         self._missing: dict[int, tuple[int, float]] = {}
         """Requests of each missing photo, and the time of the next one."""
         self.lost_count = 0
+        self._count, self._is_timeless = 0, False
 
-    def is_new(self, index: int, boot_ms: int, now_s: float) -> bool:
-        """Takes a report. Returns whether it is of a picture that was not reported before."""
-        before_ms = self._known.get(index)
-        if before_ms == boot_ms:
+    def is_new(self, index: int, stamp: int, now_s: float) -> bool:
+        """Takes a report. Returns whether it is of a picture that was not reported before.
+
+        `stamp` tells it from another one of its number: its time since boot or in UTC; 0 where the camera sends none.
+        """
+        before = self._known.get(index)
+        if before == stamp:
             return False
-        if before_ms is not None:  # the same number at another time: its numbers have begun again
+        self._is_timeless = stamp == 0
+        if before is not None:  # the same number at another time: its numbers have begun again
             self.restart()
-        self._known[index] = boot_ms
+        self._known[index] = stamp
         while len(self._known) > MOST_KNOWN_PHOTOS:
             self._known.popitem(last=False)
         if self._missing.pop(index, None) is None and index >= 0:
@@ -48,7 +53,13 @@ class ReportedPhotos:
         return True
 
     def on_count(self, count: int, now_s: float) -> None:
-        """Takes how many pictures the camera says that it has taken."""
+        """Takes how many pictures the camera says that it has taken.
+
+        A camera that sends no times shows by this alone that it has booted.
+        """
+        if self._is_timeless and count < self._count:
+            self.restart()
+        self._count = count
         if self._next is not None and self._next < count <= self._next + LARGEST_GAP_PHOTOS:
             self._miss(range(self._next, count), now_s)
             self._next = count

@@ -53,6 +53,7 @@ class SimulatedCamera:
         self.reports = True
         """Whether it says at once that it has taken a picture."""
         self.capture_result = 1
+        self.has_boot_time = True
         self.answers_twice = False
         self.is_old = False
         """Whether it knows no command for any message, but one for each."""
@@ -131,7 +132,8 @@ class SimulatedCamera:
         place = (round(47.4e7) + index, round(8.5e7), 500_000, 20_000)
         self._send(
             mavlink.MAVLink_camera_image_captured_message(
-                boot_ms, 1_800_000_000_000_000 + boot_ms * 1000, 0, *place, (1.0, 0.0, 0.0, 0.0), index,
+                boot_ms * self.has_boot_time, 1_800_000_000_000_000 + boot_ms * 1000, 0, *place,
+                (1.0, 0.0, 0.0, 0.0), index,
                 self.capture_result, f"http://camera/{index}.jpg".encode(),
             )
         )  # fmt: skip

@@ -402,6 +402,34 @@ def test_reports_are_counted_once_and_those_that_are_missing_are_requested() -> 
     assert requested[-2:] == [6, 7]
 
 
+def test_a_picture_of_a_camera_without_a_time_since_boot_is_known_by_its_own_time() -> None:
+    """After the camera had booted, its new pictures were hidden by those of the same numbers."""
+    bench = Bench()
+    link = bench.found()
+    bench.camera.has_boot_time = False
+    for _ in range(2):  # before a boot, and after it
+        bench.camera.taken_ms.clear()
+        bench.camera.take()
+        bench.run(0.5)
+        bench.camera.report(0)  # doubled on its way
+        bench.run(0.5)
+    assert link.photos.count == 2
+
+
+def test_a_camera_without_times_that_has_booted_is_known_by_its_count() -> None:
+    """Its new pictures were taken for those from before, until they were more."""
+    photos = ReportedPhotos(lambda *_: None)
+    for index in range(4):
+        assert photos.is_new(index, 0, 0.0)
+    photos.on_count(4, 1.0)
+    assert not photos.is_new(3, 0, 1.1)  # doubled on its way
+    photos.on_count(0, 2.0)
+    assert photos.is_new(0, 0, 2.1)
+    assert not photos.is_new(0, 0, 2.2)
+    photos.on_count(1, 3.0)
+    assert not photos.is_new(0, 0, 3.1)
+
+
 def test_a_jump_of_the_numbers_is_no_lost_picture_and_many_are_requested_in_part() -> None:
     requested: list[int] = []
     photos = ReportedPhotos(lambda index, _: requested.append(index))
