@@ -13,6 +13,7 @@ from typing_extensions import override
 
 from ual.cameras import VideoStream
 from ual.errors import RejectedByAutopilotError, UalError, UalTimeoutError
+from ual_daemon.backends.engine.command import Repeat
 from ual_daemon.backends.mavlink.protocols import camera_values
 from ual_daemon.backends.mavlink.protocols.exchange import Exchange
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink, member_name, message_name
@@ -82,7 +83,12 @@ class CameraExchange(Exchange[T]):
 
 
 class CameraOrder(CameraExchange[None]):
-    """Has the camera do something, and ends once it has reported that it does, or has done so."""
+    """Has the camera do something, and ends once it has reported that it does, or has done so.
+
+    It is repeated until the first answer. One that is in progress is waited for, as MAVLink's command protocol says.
+    """
+
+    repeat = Repeat(RETRY_S, TRIES_COUNT)
 
     def __init__(self, future: Future[None], line: CameraSender, command_id: int, params: Sequence[float]) -> None:
         super().__init__(future, line)
@@ -111,12 +117,12 @@ class CameraOrder(CameraExchange[None]):
             self._send(now_s)
 
     def _send(self, now_s: float) -> None:
-        if self._tries_count >= TRIES_COUNT:
-            text = f"{self._line.name} did not answer to {self._words} in {TRIES_COUNT} tries"
+        if self._tries_count >= self.repeat.most:
+            text = f"{self._line.name} did not answer to {self._words} in {self.repeat.most} tries"
             self.fail(UalTimeoutError(f"{text}: it is not known whether it did so"))
             return
         self._line.command(self.command_id, self._params, self._tries_count)
-        self._tries_count, self._next_s = self._tries_count + 1, now_s + RETRY_S
+        self._tries_count, self._next_s = self._tries_count + 1, now_s + self.repeat.every_s
 
     @override
     def on_ack(self, command_id: int, result: int, now_s: float) -> None:

@@ -8,12 +8,11 @@ from concurrent.futures import Future
 
 from typing_extensions import override
 
-from ual.errors import LinkLostError, NotSupportedError, TaskAbortedError, UalTimeoutError
+from ual.errors import LinkLostError, NotSupportedError, TaskAbortedError
 from ual_daemon.backends import futures
 from ual_daemon.backends.mavlink.dialects.command_long import AGAIN, CommandLong
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
-from ual_daemon.backends.mavlink.protocols.camera_exchanges import refused
-from ual_daemon.backends.mavlink.protocols.exchange import Exchange
+from ual_daemon.backends.mavlink.protocols.camera_exchanges import CameraOrder, CameraSender
 from ual_daemon.backends.mavlink.protocols.protocol import Handler, Protocol
 from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
@@ -71,7 +70,7 @@ class ComponentCommands(Protocol):
         if message.get_msgId() == mavlink.MAVLINK_MSG_ID_HEARTBEAT:
             self._heard_s[source.component_id] = now_s
         elif (order := self._orders.get((source.component_id, message.command))) is not None:
-            order.on_ack(message.result)
+            order.on_ack(message.command, message.result, now_s)
 
     @override
     def attach(self, target: MessageSource, dialect: Dialect) -> None:
@@ -97,8 +96,10 @@ class ComponentCommands(Protocol):
         self.is_waiting = bool(self._orders or self._queries)
 
 
-class _ComponentOrder(Exchange[None]):
+class _ComponentOrder(CameraOrder):
     """A command on its way. `quiet_until_s` is shared with those that follow it."""
+
+    repeat = AGAIN
 
     def __init__(
         self,
@@ -109,39 +110,34 @@ class _ComponentOrder(Exchange[None]):
         send: Callable[[Message], object],
         quiet_until_s: dict[tuple[int, int], float],
     ) -> None:
-        super().__init__(future)
+        line = CameraSender(
+            lambda _, __, count: send(command.encode(source, count)), f"component {source.component_id}"
+        )
+        super().__init__(future, line, command.id, command.params)
         self.what = what
-        self._source = source
-        self._command = command
-        self._send = send
         self._quiet_until_s = quiet_until_s
         self._key = (source.component_id, command.id)
-        self._count = 0
-        self._next_s = -math.inf
 
     @override
     def tick(self, now_s: float) -> None:
-        is_quiet = self._count == 0 and now_s < self._quiet_until_s.get(self._key, -math.inf)
-        if self.is_over or is_quiet or now_s < self._next_s:
-            return
-        if self._count == AGAIN.most:
-            self.fail(UalTimeoutError(f"{self.what}: component {self._source.component_id} has not acknowledged it"))
-            return
-        self._send(self._command.encode(self._source, self._count))
-        self._count += 1
-        self._next_s = now_s + AGAIN.every_s
+        is_quiet = not self.was_sent and now_s < self._quiet_until_s.get(self._key, -math.inf)
+        if not (self.is_over or is_quiet):
+            super().tick(now_s)
+
+    @override
+    def _send(self, now_s: float) -> None:
+        super()._send(now_s)
         self._quiet_until_s[self._key] = now_s + LATE_ANSWER_S
 
-    def on_ack(self, result: int) -> None:
-        """Takes what the component answers."""
-        if self._count == 0:  # it is of the one before
-            return
-        if self._count == 1:  # no other answer can come
-            self._quiet_until_s.pop(self._key, None)
-        name = f"component {self._source.component_id}"
-        if result == mavlink.MAV_RESULT_ACCEPTED:
-            self._end(None)
-        elif result == mavlink.MAV_RESULT_UNSUPPORTED:
-            self.fail(NotSupportedError(f"{name} does not know how to {self.what}"))
-        elif result != mavlink.MAV_RESULT_IN_PROGRESS:
-            self.fail(refused(name, self._command.id, result))
+    @override
+    def on_ack(self, command_id: int, result: int, now_s: float) -> None:
+        if self.was_sent and not self.was_repeated and result != mavlink.MAV_RESULT_IN_PROGRESS:
+            self._quiet_until_s.pop(self._key, None)  # no other answer can come
+        if self.was_sent and result == mavlink.MAV_RESULT_UNSUPPORTED:
+            self.fail(NotSupportedError(f"{self._line.name} does not know how to {self.what}"))
+        super().on_ack(command_id, result, now_s)
+
+    @property
+    @override
+    def _words(self) -> str:
+        return f"the order to {self.what}"

@@ -16,6 +16,7 @@ from ual.errors import (
     UalTimeoutError,
 )
 from ual_daemon.backends.mavlink.dialects.command_long import AGAIN, CommandLong
+from ual_daemon.backends.mavlink.protocols.camera_exchanges import BUSY_TIMEOUT_S
 from ual_daemon.backends.mavlink.protocols.component_commands import LATE_ANSWER_S, LOST_COMPONENT_S
 from ual_daemon.backends.mavlink.wire.messages import Message
 
@@ -98,6 +99,24 @@ def test_without_an_answer_it_is_not_known_whether_it_was_obeyed(bench: Bench) -
     future = bench.order()
     bench.run(2.0 * AGAIN.every_s * AGAIN.most)
     assert len(bench.sent()) == AGAIN.most
+    assert isinstance(future.exception(0), UalTimeoutError)
+
+
+def test_one_that_is_in_progress_is_not_sent_again_and_waited_for(bench: Bench) -> None:
+    """It was sent on, and ended as TIMEOUT after 5 s, though the component was busy with it."""
+    future = bench.order()
+    bench.say(ack(COMMAND, mavlink.MAV_RESULT_IN_PROGRESS))
+    bench.sent()
+    bench.run(0.9 * BUSY_TIMEOUT_S)
+    bench.say(ack(COMMAND, mavlink.MAV_RESULT_IN_PROGRESS))
+    bench.run(0.9 * BUSY_TIMEOUT_S)
+    assert bench.sent() == []
+    assert not future.done()
+    bench.say(ack(COMMAND, mavlink.MAV_RESULT_ACCEPTED))
+    assert future.result(0) is None
+    future = bench.order()
+    bench.say(ack(COMMAND, mavlink.MAV_RESULT_IN_PROGRESS))
+    bench.run(1.1 * BUSY_TIMEOUT_S)
     assert isinstance(future.exception(0), UalTimeoutError)
 
 
