@@ -124,7 +124,7 @@ def as_int(order: PayloadOrder) -> Message:
 def fly_mission(autopilot: Autopilot) -> Command[MavrosCall]:
     """Enters the mode in which it flies its mission. Never arms.
 
-    On the ground ArduPilot waits in that mode for a raised throttle, or for a command, which is sent in the air, too.
+    ArduPilot enters it by a command, without which it waits on the ground for a raised throttle.
 
     Raises:
         NotSupportedError: UAL flies no missions of this one.
@@ -134,8 +134,10 @@ def fly_mission(autopilot: Autopilot) -> Command[MavrosCall]:
     if codec is None:
         raise NotSupportedError(f"UAL flies no missions of {autopilot.name}")
     what = "fly the mission"
-    start = Command(what, MavrosCall(topics.COMMAND, {"command": _MISSION_START_COMMAND}), FLYING, mode=codec.mode)
-    return set_mode(codec.mode, what, then=start if codec.is_ardupilot else None)
+    if codec.is_ardupilot:
+        call = MavrosCall(topics.COMMAND, {"command": _MISSION_START_COMMAND})
+        return Command(what, call, FLYING, mode=codec.mode)
+    return set_mode(codec.mode, what)
 
 
 class MavrosReply(NamedTuple):

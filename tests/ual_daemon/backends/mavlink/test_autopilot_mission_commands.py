@@ -18,6 +18,7 @@ from tests.ual_daemon.backends.mavlink.test_autopilot_own_missions import FAR_M,
 from tests.waiting import until
 from ual.errors import UalError
 from ual.types import State, Telemetry
+from ual_daemon.backends.mavlink.wire.messages import mavlink
 from ual_daemon.backends.values import Cause
 from ual_daemon.services.mission import VehicleMission
 
@@ -162,3 +163,17 @@ def test_what_three_programs_command_between_updates_loses_no_mission(flight: Fl
     ends = [error for caller in callers for error in caller.ends]
     assert [error for error in ends if error.reason == "INTERNAL"] == []
     assert [error for error in ends if error.metadata.get("by") in _OTHERS - {""}] == []
+
+
+def test_one_command_has_ardupilot_enter_its_mission_and_begin_it() -> None:
+    """Between AUTO and MISSION_START a pilot could take over, or the daemon end: the next one came 20 ms later."""
+    flight = Flight("ardupilot")
+    try:
+        flight.take_off()
+        flight.uav.mission.upload([at(flight, FAR_M, 0)])
+        asked_s = flight.now_s
+        flight.uav.mission.start()
+        flight.wait_for(lambda: flight.uav.telemetry().flight_mode == "AUTO", "its mission")
+        assert flight.commands_since(asked_s) == {mavlink.MAV_CMD_MISSION_START}
+    finally:
+        flight.uav.close()

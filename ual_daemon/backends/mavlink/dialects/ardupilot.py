@@ -122,11 +122,10 @@ class ArduCopter(ardupilot.ArduCopter, Dialect):
 
     @override
     def fly_mission(self) -> LongCommand:
-        # On the ground it waits in AUTO for a raised throttle, or for this command, which does not arm.
-        start = replace(
+        # It enters AUTO, and does not arm. In AUTO alone it waits on the ground for a raised throttle.
+        return replace(
             command_of(mavlink.MAV_CMD_MISSION_START, (), "fly the mission", FLYING), mode=self.mode(_AUTO).name
         )
-        return replace(self._set_mode(_AUTO, "fly the mission"), then=start)
 
     def _set_mode(self, number: int, what: str) -> LongCommand:
         return set_mode(self.mode(number).name, number, what=what)
