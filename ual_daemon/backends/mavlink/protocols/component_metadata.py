@@ -59,6 +59,7 @@ class ComponentMetadata(Protocol):
     """Belongs to the thread that receives. All callers during the request get one answer each, in turn."""
 
     def __init__(self, send: Callable[[Message], object]) -> None:
+        self.is_waiting = False
         self._send = send
         self._target: MessageSource | None = None
         self._running: list[_Request] = []
@@ -93,6 +94,7 @@ class ComponentMetadata(Protocol):
             return
         message = request_message(_ID).request.encode(target, 0)
         self._running.append(_Request(future, lambda: self._send(message)))
+        self.is_waiting = True
 
     def on_message(self, message: Message) -> None:
         """Takes a COMPONENT_METADATA."""

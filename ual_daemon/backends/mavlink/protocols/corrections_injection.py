@@ -53,6 +53,7 @@ class CorrectionsInjection(Protocol):
         """`send` sends a message and returns whether it left, and `is_up` says whether the link is up at a time.
         `has_room` says whether nothing that is urgent has to wait for what is sent now.
         """
+        self.is_waiting = False
         self._transmit = send
         self._is_up = is_up
         self._has_room = has_room
@@ -93,6 +94,7 @@ class CorrectionsInjection(Protocol):
     def give(self, message: bytes) -> None:
         """Sends a whole message as soon as there is room for it."""
         self._waiting.add(message)
+        self.is_waiting = True
 
     def refuse(self, why: str) -> None:
         """Counts a message that may not be sent now."""
@@ -111,6 +113,7 @@ class CorrectionsInjection(Protocol):
         """Takes a GPS_RTK or a GPS2_RTK."""
         parts_mm = message.baseline_a_mm, message.baseline_b_mm, message.baseline_c_mm
         self._baseline.on_components(*parts_mm, now_s)
+        self.is_waiting = True
 
     def status(self, now_s: float) -> CorrectionsAge:
         """Returns what telemetry has of them."""

@@ -166,6 +166,7 @@ class Ftp(Protocol):
         is_gentle: Callable[[], bool],
         speed_up: Callable[[float], object] = lambda _: None,
     ) -> None:
+        self.is_waiting = False
         self._send = send
         self._is_up = is_up
         self._is_gentle = is_gentle
@@ -259,6 +260,7 @@ class Ftp(Protocol):
             futures.fail(future, ResourceExhaustedError(text, {"limit": str(MOST_WAITING_READS)}))
         else:
             self._waiting.append(_Dialogue(future, self._link, steps, self._explain))
+            self.is_waiting = True
 
     # --- What an exchange may have of steps ---------------------------------------------------------------------------
 

@@ -229,6 +229,7 @@ class LogTransfers(Protocol):
     def __init__(
         self, send: Callable[[Message], object], is_up: Callable[[float], bool], is_gentle: Callable[[], bool]
     ) -> None:
+        self.is_waiting = False
         self._send = send
         self._is_up = is_up
         self._is_gentle = is_gentle
@@ -328,6 +329,7 @@ class LogTransfers(Protocol):
             futures.fail(future, ResourceExhaustedError(text, {"limit": str(MOST_WAITING_READS)}))
         else:
             self._waiting.append(make(self._requests))
+            self.is_waiting = True
 
     def _explain(self, error: UalError, now_s: float) -> UalError:
         """Returns what it means that nothing has come."""

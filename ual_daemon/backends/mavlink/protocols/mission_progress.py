@@ -103,6 +103,7 @@ class MissionProgressProtocol(Protocol):
     """Belongs to the thread that receives, but for `heard`, which any thread may read."""
 
     def __init__(self, send: Callable[[Message], object], is_up: Callable[[float], bool]) -> None:
+        self.is_waiting = False
         self._send = send
         self._is_up = is_up
         self._target: MessageSource | None = None
@@ -137,6 +138,7 @@ class MissionProgressProtocol(Protocol):
             self._setting.tick(now_s)
         if self._setting is not None and self._setting.is_over:
             self._setting = None
+        self.is_waiting = self._setting is not None
 
     def set_current(self, seq: int, shown_by: frozenset[int], refusal: Refusal, future: Future[None]) -> None:
         """Makes an item the current one. Replaces one that was requested before."""
@@ -151,6 +153,7 @@ class MissionProgressProtocol(Protocol):
             self._send(mavlink.MAVLink_mission_set_current_message(*target, seq))
 
         self._setting = SetCurrent(future, transmit, shown_by, refusal, self._is_up)
+        self.is_waiting = True
 
     def _on_current(self, message: Message, now_s: float) -> None:
         state, mission_id = getattr(message, "mission_state", 0), getattr(message, "mission_id", 0)

@@ -41,6 +41,7 @@ class MissionTransfers(Protocol):
     """
 
     def __init__(self, send: Callable[[Message], object], is_up: Callable[[float], bool]) -> None:
+        self.is_waiting = False
         self._send = send
         self._is_up = is_up
         self._target: MessageSource | None = None
@@ -89,6 +90,7 @@ class MissionTransfers(Protocol):
     @override
     def tick(self, now_s: float) -> None:
         self._next()
+        self.is_waiting = self._running is not None
         if self._running is not None:
             self._running.taker.tick(now_s)
 
@@ -134,6 +136,7 @@ class MissionTransfers(Protocol):
         else:
             line = MissionSender(self._send, self._is_up, self._target, kind)
             self._waiting.append(_TransferRequest(kind, make(line), changes))
+            self.is_waiting = True
 
     def _next(self) -> None:
         while self._running is None or self._running.taker.is_over:

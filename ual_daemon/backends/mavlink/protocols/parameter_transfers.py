@@ -52,6 +52,7 @@ class ParameterTransfers(Protocol):
     """
 
     def __init__(self, send: Callable[[Message], object], is_up: Callable[[float], bool]) -> None:
+        self.is_waiting = False
         self._send = send
         self._is_up = is_up
         self._requests: ParameterRequests | None = None
@@ -166,6 +167,7 @@ class ParameterTransfers(Protocol):
         elif self._codec is None:
             futures.fail(future, NotSupportedError(f"UAL does not read or write the parameters of {self._name}"))
         else:
+            self.is_waiting = True
             return self._requests
         return None
 
@@ -178,6 +180,7 @@ class ParameterTransfers(Protocol):
             self._single.tick(now_s)
         if self._listing is not None:
             self._tick_listing(self._listing, now_s)
+        self.is_waiting = bool(self._running or self._waiting)
 
     def on_value(self, message: Message, now_s: float) -> None:
         """Takes a PARAM_VALUE."""

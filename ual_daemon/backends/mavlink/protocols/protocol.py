@@ -20,7 +20,9 @@ class Protocol(ABC):
     """
 
     is_waiting = True
-    """Whether `tick` may have something to do: no call, as that is asked at each step of a flight."""
+    """Whether `tick` may have something to do: no call, as that is asked at each step of a flight. What begins an
+    exchange sets it; `tick` ends it where exchanges are usual in a flight.
+    """
 
     @property
     @abstractmethod
