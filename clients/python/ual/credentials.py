@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import ipaddress
 from dataclasses import dataclass, field
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ual.errors import InvalidArgumentError
 from ual.shared import environment
-from ual.shared.text import decoded
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 TOKEN_VARIABLE = "UAL_TOKEN"  # noqa: S105  a name
 TOKEN_FILE_VARIABLE = "UAL_TOKEN_FILE"  # noqa: S105  a name
@@ -96,6 +97,8 @@ def is_this_computer(address: str) -> bool:
     """Returns whether an address, ``host:port`` or ``unix:path``, is on this computer."""
     if address.startswith("unix:"):
         return True
+    import ipaddress  # imported late, as below: `import ual` has credentials, and few programs use any
+
     host = address.rpartition(":")[0].strip("[]")
     try:
         return host == "localhost" or ipaddress.ip_address(host).is_loopback
@@ -110,6 +113,8 @@ def read_token(file: str | Path, field_name: str) -> str:
         InvalidArgumentError: It cannot be read, or is no text.
 
     """
+    from ual.shared.text import decoded
+
     content = read(file, field_name)
     try:
         return decoded(content).strip()
@@ -125,7 +130,8 @@ def read(file: str | Path, field_name: str) -> bytes:
 
     """
     try:
-        return Path(file).read_bytes()
+        with open(file, "rb") as opened:  # noqa: PTH123  without pathlib
+            return opened.read()
     except OSError as error:
         raise InvalidArgumentError(
             f"{field_name}: cannot read {file}: {error.strerror}", {"field": field_name}

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import re
+import subprocess
+import sys
 from contextlib import closing
 from pathlib import Path
 
@@ -52,3 +54,12 @@ def test_a_mavlink_uav_waits_without_what_it_does_not_need(runtime_dir: Path) ->
         found = loaded(daemon)
     assert {"ual_daemon.backends.mavlink.wire.dialect", "asyncio"} <= found
     assert not found & (NEVER | {"pymavlink", "yaml"})
+
+
+def test_the_package_ual_has_no_more_than_values_and_errors() -> None:
+    program = "import sys; before = set(sys.modules); import ual; print(*sorted(set(sys.modules) - before))"
+    command = [sys.executable, "-S", "-c", program]
+    environment = {"PYTHONPATH": ":".join(sys.path)}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    assert "ual.types" in done.stdout.split()
+    assert not {"ipaddress", "pathlib", "struct", "ual.shared.text"} & set(done.stdout.split())

@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 from typing_extensions import Self, override
 
 from ual.geometry import Quaternion
-from ual.shared.real32 import LARGEST_REAL32, real32_text
 
 _UNTOLD: tuple[object, ...] = (None, "", ())
 _EARTH_M = 6_371_000.0
@@ -113,6 +112,8 @@ class ParameterTypeBase(Enum):
     @property
     def limits(self) -> tuple[float, float]:
         """The least and the largest value."""
+        from ual.shared.real32 import LARGEST_REAL32  # imported late: `import ual` has the bases
+
         return _WHOLE_LIMITS.get(self.name, (-LARGEST_REAL32, LARGEST_REAL32))
 
 
@@ -131,6 +132,8 @@ class ParameterBase:
     @property
     def text(self) -> str:
         """The value, as short as it can be written without becoming another one."""
+        from ual.shared.real32 import real32_text
+
         return str(int(self.value)) if self.type.is_whole else real32_text(self.value)
 
 

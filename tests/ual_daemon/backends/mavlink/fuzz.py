@@ -4,12 +4,11 @@ import random
 from collections.abc import Callable, Collection
 from typing import Any
 
-from pymavlink.dialects.v20 import all as mavlink
-
 from tests.ual_daemon.backends.mavlink.fakes import ADDRESS, Harness, heartbeat, packer
 from tests.ual_daemon.backends.mavlink.traces import load
 from ual.types import State
 from ual_daemon.backends.mavlink.wire import checksum
+from ual_daemon.backends.mavlink.wire import dialect as mavlink
 from ual_daemon.flight.state import estimate
 
 TICK_S = 0.02
@@ -91,7 +90,7 @@ class Fuzz:
         message_id = self._noise.choice(sorted(checksum.KNOWN_IDS & mavlink.mavlink_map.keys()))
         if self._noise.random() < 0.5:
             message_id = self._noise.choice(sorted(self.harness.session.decoded_ids))
-        longest = min(255, mavlink.mavlink_map[message_id].unpacker.size + 8)
+        longest = min(255, mavlink.mavlink_map[message_id].layout.payload.size + 8)
         content = self._noise.randbytes(self._noise.randint(1, longest))
         header = bytes((0xFD, len(content), 0, 0, self._noise.randrange(256), SYSTEM_ID, 1)) + message_id.to_bytes(
             3, "little"
