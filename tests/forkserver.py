@@ -37,6 +37,24 @@ _SET_BY_PROGRAMS = {"GRPC_VERBOSITY": "NONE", "GRPC_EXPERIMENTS": "-event_engine
 """Variables that the programs set where they are missing: one that a test runs in its own process leaves them there."""
 _REMOVED = ("PYTHONDONTWRITEBYTECODE",)
 """Variables that tests/conftest.py removes."""
+_IMPORTED = (
+    "ual._client",
+    "ual_daemon.backends.light.backend",
+    "ual_daemon.backends.mavlink.backend",
+    "ual_daemon.program.configuration_yaml",
+    "ual_daemon.program.daemon",
+    "ual_daemon.program.entry",
+    "ual_daemon.program.fleet",
+    "ual_daemon.program.main",
+    "ual_daemon.program.recording.audit",
+    "ual_daemon.program.recording.recording",
+    "ual_daemon.server.transport.aio",
+    "ual_daemon.server.transport.core",
+    "ual_daemon.server.transport.self_test",
+    "ual_daemon.ual",
+    "ual_daemon.vehicle.vehicle",
+)
+"""Modules that import the rest. A daemon and `ual` import them as late as they can: 0.1 s of each fork."""
 _MOST_BYTES = 1 << 17
 _STDERR = 2
 
@@ -273,8 +291,8 @@ def _import_all() -> None:
     from ual_daemon.backends.light import painter
     from ual_tools.main import MODULES
 
-    for each in MODULES:
-        importlib.import_module(f"ual_tools.{each}")  # for those that are forked off
+    for each in (*_IMPORTED, *(f"ual_tools.{name}" for name in MODULES)):
+        importlib.import_module(each)
 
     painter.PICTURE_TIMEOUT_S, painter._PAINTER_NICENESS = waiting.LIMIT_S, 0  # as `painters_take_their_turn` has it
     # A daemon that looks at all of this for garbage copies it: at its end, that took 0.15 s of the processor.

@@ -25,6 +25,24 @@ NEVER = {
 }
 
 
+IMPORTED_AFTER_A_FORK = {
+    "ual_daemon.program.access_files",
+    "ual_daemon.program.metrics",
+    "ual_daemon.program.metrics.opening",
+    "ual_daemon.server.access.watched_file",
+    "ual_daemon.server.tls",
+}
+"""Modules that each daemon of a test imports anew: they are small."""
+
+
+def imported_before_a_fork() -> set[str]:
+    """The modules that the process has imported off which tests fork daemons."""
+    program = "import sys; from tests import forkserver; forkserver._import_all(); print(*sys.modules)"
+    return set(
+        subprocess.run([sys.executable, "-c", program], capture_output=True, check=True, text=True).stdout.split()
+    )
+
+
 def loaded(daemon: DaemonProcess) -> set[str]:
     """The modules that it has loaded."""
     return set(re.findall(r"^import time:.*\| +(\S+)$", daemon.stderr, re.MULTILINE))
@@ -45,6 +63,8 @@ def test_a_light_uav_flies_without_what_it_does_not_need(runtime_dir: Path) -> N
         found = loaded(daemon)
     assert {"grpc.aio", "ual_daemon.flight.manoeuvres.manoeuvre"} <= found
     assert not found & (NEVER | {"ual_daemon.backends.mavlink.wire.dialect"})
+    late = {each for each in found - imported_before_a_fork() if each.startswith("ual_daemon.")}
+    assert late <= IMPORTED_AFTER_A_FORK
 
 
 def test_a_mavlink_uav_waits_without_what_it_does_not_need(runtime_dir: Path) -> None:
