@@ -15,7 +15,7 @@ T = TypeVar("T")
 
 _lock = threading.Lock()
 _waiters: WeakKeyDictionary[Future[Any], WeakSet[asyncio.Future[None]]] = WeakKeyDictionary()
-"""Those who wait for each future. Whoever gives up costs nothing any more, neither memory nor time when it ends."""
+"""The waiting calls of each future. A call that gives up costs neither memory nor time from then on."""
 
 
 def completion(future: Future[Any]) -> asyncio.Future[None]:

@@ -21,7 +21,7 @@ _ALWAYS = frozenset({"land", "abort", "cancel", "disarm", "pause", "set_home", "
 none.
 """
 _ENDS = _ALWAYS - {"recover_from_manual"}
-"""Those that are possible also where the UAV may lie on the ground. To hold its pose there would lift it off."""
+"""The commands that are possible also where the UAV may lie on the ground. To hold its pose there would lift it off."""
 
 
 class Preconditions(RefusalLog):
@@ -201,7 +201,8 @@ class Preconditions(RefusalLog):
                 if refusal is not None:
                     raise refusal
             if not is_stopped:
-                if command not in _ENDS and (why := self._flight.why_it_may_lie(snapshot, found.state)):
+                is_sure = self._flight.authority.is_ours or command in _ENDS
+                if not is_sure and (why := self._flight.why_it_may_lie(snapshot, found.state)):
                     metadata = {"state": found.state.name, "needed": "land", "command": command}
                     raise WrongStateError(f"{command}: {why}: {ENDS_LYING}; if it flies, climb 1 m by hand", metadata)
                 return snapshot

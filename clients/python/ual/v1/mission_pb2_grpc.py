@@ -94,7 +94,7 @@ class MissionServiceServicer(object):
     def PlanMission(self, request, context):
         """A dry run: nothing is sent to the autopilot. Checks each item, and the path against the geofence, the floor and the
         ceiling. Errors: INVALID_ARGUMENT (the autopilot would ignore an item, or read it otherwise; the metadata `item` names
-        it), GEOFENCE, WRONG_STATE (it is not known where the UAV is), RESOURCE_EXHAUSTED (two are being planned for this UAV).
+        it), GEOFENCE, WRONG_STATE (it is not known where the UAV is). RESOURCE_EXHAUSTED: two are being planned for this UAV.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')

@@ -281,7 +281,7 @@ class MissionServiceStub(typing.Generic[_MissionServicePlanMissionType, _Mission
     PlanMission: _MissionServicePlanMissionType
     """A dry run: nothing is sent to the autopilot. Checks each item, and the path against the geofence, the floor and the
     ceiling. Errors: INVALID_ARGUMENT (the autopilot would ignore an item, or read it otherwise; the metadata `item` names
-    it), GEOFENCE, WRONG_STATE (it is not known where the UAV is), RESOURCE_EXHAUSTED (two are being planned for this UAV).
+    it), GEOFENCE, WRONG_STATE (it is not known where the UAV is). RESOURCE_EXHAUSTED: two are being planned for this UAV.
     """
 
     UploadMission: _MissionServiceUploadMissionType
@@ -378,7 +378,7 @@ class MissionServiceServicer(metaclass=abc.ABCMeta):
     ) -> typing.Union[ual.v1.mission_pb2.PlanMissionResponse, collections.abc.Awaitable[ual.v1.mission_pb2.PlanMissionResponse]]:
         """A dry run: nothing is sent to the autopilot. Checks each item, and the path against the geofence, the floor and the
         ceiling. Errors: INVALID_ARGUMENT (the autopilot would ignore an item, or read it otherwise; the metadata `item` names
-        it), GEOFENCE, WRONG_STATE (it is not known where the UAV is), RESOURCE_EXHAUSTED (two are being planned for this UAV).
+        it), GEOFENCE, WRONG_STATE (it is not known where the UAV is). RESOURCE_EXHAUSTED: two are being planned for this UAV.
         """
 
     @abc.abstractmethod
