@@ -87,6 +87,25 @@ def test_a_page_with_control_flies_by_the_same_messages(daemon: DaemonProcess, s
         daemon.wait_for("command", command="take_off")
 
 
+def test_a_late_click_does_not_confirm_what_was_proposed_after_it(daemon: DaemonProcess, start_view: StartView) -> None:
+    """On a slow link the browser still shows the first proposal while the second one is there."""
+    daemon.wait_for("state", new="LANDED_ARMED")
+    with forger(start_view("--control")) as page:
+        button = page.read_until(f"Take off {daemon.ns}")
+        height = page.read_until("Take-off height (m)")
+        page.send(type="GuiUpdateMessage", uuid=button, updates={"value": True})
+        first = page.read_until(f"Confirm: {daemon.ns}: take off to 3 m")
+        page.send(type="GuiUpdateMessage", uuid=height, updates={"value": 2.0})
+        page.send(type="GuiUpdateMessage", uuid=button, updates={"value": True})
+        second = page.read_until(f"Confirm: {daemon.ns}: take off to 2 m")
+        assert second != first
+        point = page.now()
+        page.send(type="GuiUpdateMessage", uuid=first, updates={"value": True})
+        page.send(type="GuiUpdateMessage", uuid=page.read_until("Cancel"), updates={"value": True})
+        page.read_until_new("Choose a UAV", point)
+        assert commands_in(daemon) == []
+
+
 def test_a_page_lands_all_and_those_that_are_chosen(start_daemon: StartDaemon, start_view: StartView) -> None:
     names = ("uav_1", "uav_2", "uav_3")
     daemon = start_daemon("--fleet", "3", "--auto-arm", "--set", "light.speed_factor=10")

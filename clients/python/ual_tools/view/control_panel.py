@@ -50,8 +50,9 @@ class ControlPanel:
         self._count = -1
         self._named: list[tuple[viser.GuiButtonHandle, str]] = []
 
-    def build_stops(self, gui: viser.GuiApi) -> None:
-        """Adds what stops a flight, and the place of every answer and question."""
+    def build_stops(self, gui: viser.GuiApi, folder: viser.GuiFolderHandle) -> None:
+        """Adds what stops a flight, and the place of every answer and question. `folder` is where they are."""
+        self._gui, self._folder = gui, folder
         self._stops = [
             self._add(gui, "Abort (stop)", "red", lambda: self._run("abort", lambda uav: uav.abort())),
             self._add(gui, "Land", "red", lambda: self._run("land", lambda uav: uav.land(blocking=False))),
@@ -59,7 +60,7 @@ class ControlPanel:
         for button in self._stops:
             button.visible = False
         self._text = gui.add_markdown(_HELP)
-        self._confirm = gui.add_button("Confirm", color="orange", visible=False)
+        self._confirm: viser.GuiButtonHandle | None = None
         self._cancel = gui.add_button("Cancel", visible=False)
 
     def build(self, client: viser.ClientHandle) -> None:
@@ -72,7 +73,6 @@ class ControlPanel:
         with self._simulation:
             self._build_simulation(gui)
         self._marker = client.scene.add_icosphere("/goal", radius=0.2, color=(255, 127, 14), opacity=0.7, visible=False)
-        self._on(self._confirm, self._confirmed)
         self._on(self._cancel, self._command_queue.withdraw)
         self._listen_to_ground(client)
 
@@ -104,13 +104,20 @@ class ControlPanel:
         self._ground_m = 0.0 if uav is None or uav.odom is None else uav.odom.translation.z
 
     def _show(self, proposal: Proposal | None) -> None:
-        self._confirm.visible = self._cancel.visible = proposal is not None
+        # Each proposal has a button of its own: a browser on a slow link may still show the one before.
+        if self._confirm is not None:
+            self._confirm.remove()
+            self._confirm = None
+        self._cancel.visible = proposal is not None
         self._marker.visible = proposal is not None and proposal.order.way is not None
         if proposal is None:
             self._text.content = panel.plain(self._command_queue.said or _HELP)
             return
         self._text.content = f"**{panel.plain(proposal.text)}**"
-        self._confirm.label = f"Confirm: {proposal.ns}: {proposal.order.what}"
+        label = f"Confirm: {proposal.ns}: {proposal.order.what}"
+        with self._folder:
+            self._confirm = self._gui.add_button(label, color="orange", order=self._text.order + 0.5)
+        self._on(self._confirm, partial(self._command_queue.confirm, proposal))
         if proposal.order.way is not None:
             self._marker.position = xyz(proposal.order.way)
 
@@ -177,11 +184,6 @@ class ControlPanel:
             raise LeaseLostError("these pages do not hold the lease")
         held, member.lease = member.lease, None  # first this: a second click finds none
         held.release()
-
-    def _confirmed(self) -> None:
-        proposal = self._command_queue.proposal
-        if proposal is not None and proposal.ns == self._ns:
-            self._command_queue.confirm(proposal)
 
     def _begin_fault(self) -> None:
         fault = _FAULTS[str(self._fault.value)]()

@@ -58,10 +58,10 @@ class Page:
         gui = client.gui
         self._curtain = _Text(gui.add_html(""))
         if self._control is not None and self._team is not None:
-            with gui.add_folder("Control"):
+            with gui.add_folder("Control") as folder:
                 gui.add_html(f"<div {shell.STOPS_ATTRIBUTE}></div>")
                 self._team.build(gui)
-                self._control.build_stops(gui)
+                self._control.build_stops(gui, folder)
         self._head = _Text(gui.add_markdown(""))
         self._table = _Text(gui.add_html(""))
         self._choice = gui.add_text(
