@@ -18,12 +18,13 @@ import logging
 from collections.abc import AsyncIterator, Callable, Coroutine, Generator
 from contextlib import aclosing
 from functools import partial
-from typing import Any, Protocol, TypeAlias, TypeVar, cast
+from typing import Any, Final, Protocol, TypeAlias, TypeVar, cast
 
 import grpc
 from google.protobuf.message import DecodeError, Message
 from typing_extensions import override
 
+from ual.contract.methods import METHODS
 from ual.errors import InvalidArgumentError, TaskAbortedError, UalError
 from ual.wire import rpc_errors
 from ual_daemon import logs
@@ -42,6 +43,8 @@ _log = logging.getLogger(__name__)
 
 SHUTTING_DOWN = "the daemon is shutting down"
 LEASE_KEY = "ual-lease"
+_NEVER_LATE: Final = MOVES | {METHODS["AcquireLease"].path}
+"""Methods of which nothing is done for a caller who has given up. A new lease aborts what is in progress."""
 
 
 class StatusError(Exception):
@@ -288,7 +291,7 @@ class _UnaryAnswer(_LoopAnswer):
 
     @override
     def _begin(self) -> None:
-        if self._standstill is not None:
+        if self.call.method in _NEVER_LATE:
             # Before its request is read: where this thread was held up, its caller may have given up meanwhile, and
             # nothing moves by it.
             self._watch_caller()

@@ -67,6 +67,7 @@ class FakeVehicle:
         self.callers: list[str] = []
         self.taken: list[TwistStamped] = []
         self.has_setpoint = threading.Event()
+        self.holders: list[str] = []
         self.is_held_up, self.goes_on = threading.Event(), threading.Event()
         self.goes_on.set()
         self.commands = self.setpoints = self.external_poses = self
@@ -94,6 +95,14 @@ class FakeVehicle:
         self.callers.append(who())
         if set_z:
             raise WrongStateError("set_home: not in FLYING_AUTO", {"state": "FLYING_AUTO"})
+
+    def acquire_lease(self, holder: str, *_: object, **__: object) -> str:
+        self.holders.append(holder)
+        self.has_setpoint.set()
+        return "1"
+
+    def lease(self) -> None:
+        return None
 
     def frames(self) -> object:
         raise RuntimeError("a defect")
@@ -449,6 +458,7 @@ def test_a_setpoint_stream_that_ends_tells_how_many_were_taken(transport: Choice
     [
         ("SetVelocity", lambda x: pb.SetVelocityRequest(velocity=speed(x))),
         ("StreamSetpoints", lambda x: pb.StreamSetpointsRequest(velocity=speed(x))),
+        ("AcquireLease", lambda x: pb.AcquireLeaseRequest(holder=str(x))),
     ],
 )
 def test_what_its_caller_gave_up_before_it_was_read_moves_nothing(
@@ -471,7 +481,8 @@ def test_what_its_caller_gave_up_before_it_was_read_moves_nothing(
         async with served(transport) as it:
             it.vehicle.goes_on.clear()
             await asyncio.to_thread(call, it)
-            assert [each.twist.linear.x for each in it.vehicle.taken] == [0.25]
+            taken = [each.twist.linear.x for each in it.vehicle.taken]
+            assert [*taken, *map(float, it.vehicle.holders)] == [0.25]
 
     asyncio.run(run())
 
