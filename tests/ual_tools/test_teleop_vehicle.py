@@ -87,7 +87,7 @@ def test_a_velocity_that_is_old_once_the_lease_is_there_is_not_sent() -> None:
     assert uav.taken == [LEFT]
 
 
-def test_a_step_that_is_old_once_the_lease_is_there_is_dropped_with_a_message() -> None:
+def test_a_step_that_is_old_once_the_lease_is_there_is_dropped_and_reported() -> None:
     clock = Clock()
     uav = FakeUav(lambda: clock.advance(STALE_SETPOINT_S + 4.0))
     with opened(uav, clock) as vehicle:

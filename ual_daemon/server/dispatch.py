@@ -44,7 +44,7 @@ _log = logging.getLogger(__name__)
 SHUTTING_DOWN = "the daemon is shutting down"
 LEASE_KEY = "ual-lease"
 _NEVER_LATE: Final = MOVES | {METHODS["AcquireLease"].path}
-"""Methods of which nothing is done for a caller who has given up. A new lease aborts what is in progress."""
+"""Methods that do nothing for a caller that has given up. A new lease aborts what is in progress."""
 
 
 class StatusError(Exception):

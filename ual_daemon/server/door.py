@@ -45,7 +45,7 @@ def has_lists(kind: Descriptor) -> bool:
 
 
 def require_few(message: Message) -> None:
-    """Requires that the lists of a message are not too long for their readers.
+    """Requires that the lists of a message are not too long to be read.
 
     Raises:
         ResourceExhaustedError: They have more than `MOST_ELEMENTS` elements.

@@ -15,7 +15,7 @@ T = TypeVar("T")
 
 _lock = threading.Lock()
 _waiters: WeakKeyDictionary[Future[Any], WeakSet[asyncio.Future[None]]] = WeakKeyDictionary()
-"""The waiting calls of each future. A call that gives up costs neither memory nor time from then on."""
+"""Waiters of each future. One that gives up costs nothing any more, neither memory nor time when the future ends."""
 
 
 def completion(future: Future[Any]) -> asyncio.Future[None]:
