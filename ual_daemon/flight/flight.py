@@ -524,7 +524,7 @@ class Flight:
         if mission is None:  # it has ended just now
             return None
         state = self.raw_estimate(snapshot).state
-        return MissionStop(by, mission, self._backend, self.limits).after(state, snapshot, mission)
+        return MissionStop(by, mission, self._backend).after(state, snapshot, mission)
 
     def _ends_with_lease(self, why: str, new: Manoeuvre | None, old: Manoeuvre | None) -> Ending | None:
         self._last_command = LastCommand(self._last_command.number, LEASE)
@@ -773,7 +773,7 @@ class Flight:
             return None
         if mode is None or mode.value.control is Control.REFERENCES:  # ArduPilot takes off in the mode for references
             return self.land_here(snapshot)
-        take = TakeToStandBy(state, self.limits.get(), self._backend.take_control, self.land_here)
+        take = TakeToStandBy(state, self._backend.take_control, self.land_here)
         return Handover(take, partial(take.send, snapshot))
 
     def estimate_jumped(self, jump: EstimateJump, snapshot: Snapshot) -> None:

@@ -13,7 +13,6 @@ from ual_daemon.flight.manoeuvres.await_stop import AwaitStop
 from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Manoeuvre
 from ual_daemon.flight.manoeuvres.stay_on_ground import StayOnGround
 from ual_daemon.flight.manoeuvres.stop_in_air import StopInAir
-from ual_daemon.tracker.limits import CurrentLimits
 
 _LANDED = (State.LANDED_ARMED, State.LANDED_DISARMED)
 _UNREACHED = (State.TAKING_OFF, State.UNINITIALIZED)
@@ -23,12 +22,11 @@ _UNREACHED = (State.TAKING_OFF, State.UNINITIALIZED)
 class MissionStop:
     """Stops one mission. What stops it in one state hands over to what does in the next."""
 
-    def __init__(self, by: str, mission: Manoeuvre, backend: Backend, limits: CurrentLimits) -> None:
+    def __init__(self, by: str, mission: Manoeuvre, backend: Backend) -> None:
         """`by` is what stops it, human-readable; `mission` is flown now, or stops it already."""
         self._by = by
         self._modes = _modes_of(mission)
         self._backend = backend
-        self._limits = limits
 
     def after(self, state: State, snapshot: Snapshot, old: Manoeuvre) -> Handover | None:
         """Returns what is flown after a manoeuvre, in the state that the data show. None where it only has to end: it
@@ -60,10 +58,8 @@ class MissionStop:
         return Handover(AwaitStop(self._by, old.mode_seen, self._modes, self._backend.hold, self.after, refused))
 
     def _take_back(self, snapshot: Snapshot, old: Manoeuvre, *, is_early: bool) -> Handover:
-        control, seen, limits = self._backend.take_control, old.mode_seen, self._limits.get()
-        recover = StopInAir(
-            self._by, seen, self._modes, limits, control, self.after, self._hold_instead, is_early=is_early
-        )
+        control, seen = self._backend.take_control, old.mode_seen
+        recover = StopInAir(self._by, seen, self._modes, control, self.after, self._hold_instead, is_early=is_early)
         # In a mode that was not assessed yet, its steps send it.
         is_judged = seen in ("", snapshot.control.settled_mode) and not is_early
         return Handover(recover, partial(recover.send, snapshot)) if is_judged else Handover(recover)

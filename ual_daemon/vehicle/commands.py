@@ -272,7 +272,7 @@ class Commands:
             with self._preconditions.logging_refusal("recover_from_manual"):
                 self._flight.following.release()
                 command = AutopilotCommand("take our references")
-                recover = Recover(command, self._flight.limits.get(), self._backend.take_control, refusal)
+                recover = Recover(command, self._backend.take_control, refusal)
                 self._flight.begin(recover, CommandOrigin(lease_id), snapshot)
                 if snapshot.control.held_by is not Cause.OPEN or force:
                     recover.send(snapshot)
@@ -398,8 +398,7 @@ class Commands:
             self._preconditions.require_no_failsafe(name, snapshot, force=False)
         command = AutopilotCommand("take our references")
         state = self._flight.raw_estimate(snapshot).state
-        limits, take_control = self._flight.limits.get(), self._backend.take_control
-        recover = Recover(command, limits, take_control, lambda _: None, name=name, out_of=state)
+        recover = Recover(command, self._backend.take_control, lambda _: None, name=name, out_of=state)
         self._flight.begin(recover, CommandOrigin(lease_id), snapshot)
         recover.send(snapshot)
 

@@ -77,7 +77,6 @@ class Landings:
             return self.after(task, now, self._flight.brake(now)).manoeuvre
 
         command = AutopilotCommand("take our references")
-        limits, control = self._flight.limits.get(), self._backend.take_control
-        recover = RecoverFirst(task, "land", command, limits, control, lambda _: None, onward)
+        recover = RecoverFirst(task, "land", command, self._backend.take_control, lambda _: None, onward)
         is_open = snapshot.control.held_by is Cause.OPEN
         return Handover(recover) if is_open else Handover(recover, partial(recover.send, snapshot))

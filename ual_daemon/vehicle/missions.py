@@ -274,7 +274,7 @@ class Missions:
     def _take_back(self, task: VehicleTask) -> TakeBack:
         command = AutopilotCommand("take our references")
         refusal = partial(self._preconditions.failsafe_refusal, NAME, force=False)
-        return TakeBack(command, self._flight.limits.get(), self._backend.take_control, refusal, name=NAME, task=task)
+        return TakeBack(command, self._backend.take_control, refusal, name=NAME, task=task)
 
     # --- What outlives the daemon -------------------------------------------------------------------------------------
 

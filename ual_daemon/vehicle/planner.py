@@ -310,12 +310,10 @@ class Planner:
             snapshot = self._preconditions.require_no_pilot(name, order.lease_id)
             task = self._tasks.new(kind, what)
             command = AutopilotCommand("take our references")
-            limits, control = self._flight.limits.get(), self._backend.take_control
+            control = self._backend.take_control
             is_early = self._flight.raw_estimate(snapshot).state is State.FLYING_AUTO
             refusal = self._failsafe_refusal
-            recover = RecoverFirst(
-                task, name, command, limits, control, refusal, partial(onward, task), is_early=is_early
-            )
+            recover = RecoverFirst(task, name, command, control, refusal, partial(onward, task), is_early=is_early)
             self._flight.begin(recover, order, snapshot)
             self._flight.request_home()
             if snapshot.control.held_by is not Cause.OPEN and not is_early:

@@ -116,7 +116,6 @@ class World:
             task,
             "go_to_waypoint",
             command,
-            self.limits.get(),
             self.wire.take_control,
             lambda _: None,
             lambda now: pytest.fail(f"it has not recovered at {now.time_s}"),

@@ -259,7 +259,10 @@ def test_a_landing_before_a_corner_at_the_edge_first_brakes_along_the_path() -> 
         assert uav.state is State.LANDED_DISARMED
 
 
-def test_an_abort_of_a_pose_near_the_edge_comes_to_rest_there_where_it_would_brake_outside() -> None:
+@pytest.mark.parametrize("stop", [abort, move_estimate], ids=["abort", "the position jumps"])
+def test_a_stop_on_the_way_to_a_pose_near_the_edge_stays_inside_where_it_would_brake_outside(
+    stop: Callable[[Stepped], object],
+) -> None:
     """An autopilot approaches a pose with more deceleration than UAL may use."""
     fence = GeofenceSettings(polygon=((-10.0, -20.0), (60.5, -20.0), (60.5, 20.0), (-10.0, 20.0)))
     settings = VehicleSettings(geofence=fence, limits=LimitSettings(horizontal_acceleration_m_s2=2.0))
@@ -268,7 +271,7 @@ def test_an_abort_of_a_pose_near_the_edge_comes_to_rest_there_where_it_would_bra
         uav.fly()
         uav.vehicle.commands.setpoints.set_pose(at(60.0, 0.0, 3.0))
         uav.until(lambda: uav.pose.position.x > 55.0)
-        uav.vehicle.commands.abort()
+        stop(uav)
         furthest = 0.0
         for _ in range(round(8.0 / STEP_S)):
             uav.run(STEP_S)

@@ -8,7 +8,7 @@ from concurrent.futures import Future
 from typing_extensions import override
 
 from ual.errors import TaskAbortedError, UalError
-from ual.types import Limits, State
+from ual.types import State
 from ual_daemon.backends.values import Control, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.manoeuvres.manoeuvre import (
@@ -21,12 +21,10 @@ from ual_daemon.flight.manoeuvres.manoeuvre import (
     why_blind,
     with_advice,
 )
-from ual_daemon.flight.policy.geofence import GeofencePolicy
 from ual_daemon.flight.policy.jumps import EstimateJump
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import VehicleTask
-from ual_daemon.tracker.limits import CurrentLimits
-from ual_daemon.tracker.references import Hold, Reference, brake, measured_motion
+from ual_daemon.tracker.references import Hold, Reference, measured_motion
 
 TAKES_BACK = "UAL takes the control back from its mission"
 MODE_ENTRY_S = 1.5
@@ -46,7 +44,6 @@ class Recover(Manoeuvre):
     def __init__(
         self,
         command: AutopilotCommand,
-        limits: Limits,
         take_control: Callable[[], Future[None]],
         refusal: Refusal,
         *,
@@ -65,7 +62,6 @@ class Recover(Manoeuvre):
         self._begun_s: float | None = None
         self._out_of = out_of
         self._command = self.command = command
-        self._limits = limits
         self._take_control = take_control
         self._refusal = refusal
         self._is_sent = False
@@ -94,8 +90,7 @@ class Recover(Manoeuvre):
         if estimate.state is State.FLYING_AUTO and self._may_still_enter(snapshot):
             return self._hold(snapshot)
         if estimate.state is State.FLYING_AUTO:
-            stop = brake(snapshot, self._limits)
-            return Step(stop.setpoint(snapshot), has_ended=True, next_reference=stop)
+            return Step(has_ended=True, is_to_stop=True)
         if self._out_of is State.TAKING_OFF and (step := self._step_take_off(snapshot, estimate.state)) is not None:
             return step
         is_elsewhere = estimate.state is not self._out_of and not self._has_climbed(estimate.state)
@@ -171,11 +166,6 @@ class Recover(Manoeuvre):
         return Step(Hold(motion.position, motion.yaw_rad).setpoint(snapshot))
 
     @override
-    def fit(self, snapshot: Snapshot, limits: CurrentLimits, geofence: GeofencePolicy) -> Step | None:
-        self._limits = limits.get()
-        return None
-
-    @override
     def estimate_jumped(self, jump: EstimateJump, stop: Reference) -> UalError | None:
         return None  # it holds the present pose, wherever that is
 
@@ -191,7 +181,6 @@ class RecoverFirst(Recover):
         task: VehicleTask,
         name: str,
         command: AutopilotCommand,
-        limits: Limits,
         take_control: Callable[[], Future[None]],
         refusal: Refusal,
         onward: Callable[[Snapshot], Manoeuvre],
@@ -199,7 +188,7 @@ class RecoverFirst(Recover):
         is_early: bool = False,
     ) -> None:
         """`onward` makes the manoeuvre that begins in a snapshot; where it raises, the UAV stops and holds."""
-        super().__init__(command, limits, take_control, refusal, name=name, task=task, is_early=is_early)
+        super().__init__(command, take_control, refusal, name=name, task=task, is_early=is_early)
         self._onward = onward
 
     @override

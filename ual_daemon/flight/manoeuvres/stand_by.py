@@ -10,7 +10,7 @@ from typing_extensions import override
 
 from ual.errors import UalError
 from ual.geometry import Pose, Quaternion
-from ual.types import Limits, State
+from ual.types import State
 from ual_daemon.backends.values import Control, PositionSetpoint, Setpoint, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.manoeuvres.fly_reference import FlyReference
@@ -99,13 +99,12 @@ class TakeToStandBy(Recover):
     def __init__(
         self,
         out_of: State,
-        limits: Limits,
         take_control: Callable[[], Future[None]],
         land: Callable[[Snapshot], Handover | None],
     ) -> None:
         """`land` makes the landing that follows where the control is not given; None where there is none."""
         command = AutopilotCommand("take our references")
-        super().__init__(command, limits, take_control, lambda _: None, name="stand_by", out_of=out_of)
+        super().__init__(command, take_control, lambda _: None, name="stand_by", out_of=out_of)
         self._land = land
 
     @override

@@ -7,7 +7,7 @@ from concurrent.futures import Future
 
 from typing_extensions import override
 
-from ual.types import Limits, State
+from ual.types import State
 from ual_daemon.backends.values import Control, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.manoeuvres.await_stop import HoldInstead, StopIn
@@ -29,7 +29,6 @@ class StopInAir(Recover):
         name: str,
         seen_mode: str,
         modes: tuple[str, str] | None,
-        limits: Limits,
         take_control: Callable[[], Future[None]],
         stop: StopIn,
         hold_instead: HoldInstead,
@@ -40,7 +39,7 @@ class StopInAir(Recover):
         another state, and `hold_instead` what follows where the control is not given.
         """
         command = AutopilotCommand("take our references")
-        super().__init__(command, limits, take_control, lambda _: None, name=name, is_early=is_early)
+        super().__init__(command, take_control, lambda _: None, name=name, is_early=is_early)
         self._seen_mode, self.modes, self._stop = seen_mode, modes, stop
         self._hold_instead = hold_instead
 

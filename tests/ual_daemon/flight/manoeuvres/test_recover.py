@@ -9,7 +9,7 @@ from typing_extensions import override
 from tests.ual_daemon.flight.hand_made import Autopilot, sent
 from ual.errors import RejectedByAutopilotError, TaskAbortedError, UalTimeoutError
 from ual.geometry import Vector3
-from ual.types import Limits, State, TaskKind
+from ual.types import State, TaskKind
 from ual_daemon.backends.values import Control, LandedState, PositionSetpoint, Snapshot
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre, Step
@@ -19,7 +19,7 @@ from ual_daemon.flight.state import Estimate
 
 def test_recovering_holds_where_it_is_until_the_mode_changes(flying: Autopilot, ack: Future[None]) -> None:
     flying.control = Control.OTHER
-    recover = Recover(sent(ack, flying), Limits(), lambda: ack, lambda _: None)
+    recover = Recover(sent(ack, flying), lambda: ack, lambda _: None)
     ack.set_result(None)
     setpoint = flying.step(recover).setpoint
     assert isinstance(setpoint, PositionSetpoint)
@@ -28,12 +28,12 @@ def test_recovering_holds_where_it_is_until_the_mode_changes(flying: Autopilot, 
     step = flying.step(recover)
     assert step.has_ended
     assert step.error is None
-    assert step.next_reference is not None
+    assert step.is_to_stop
 
 
 def test_recovering_ends_when_the_uav_has_landed(flying: Autopilot, ack: Future[None]) -> None:
     flying.control = Control.OTHER
-    recover = Recover(sent(ack, flying), Limits(), lambda: ack, lambda _: None)
+    recover = Recover(sent(ack, flying), lambda: ack, lambda _: None)
     flying.landed = LandedState.ON_GROUND
     error = flying.step(recover).error
     assert isinstance(error, TaskAbortedError)
@@ -43,7 +43,7 @@ def test_recovering_ends_when_the_uav_has_landed(flying: Autopilot, ack: Future[
 def test_recovering_ends_when_the_pilot_selects_another_mode(flying: Autopilot, ack: Future[None]) -> None:
     """A command that is repeated because no answer came would take control from the pilot."""
     flying.control, flying.mode = Control.OTHER, "HOLD"
-    recover = Recover(sent(ack, flying), Limits(), lambda: ack, lambda _: None)
+    recover = Recover(sent(ack, flying), lambda: ack, lambda _: None)
     assert not flying.step(recover).has_ended
     flying.mode = "POSCTL"
     step = flying.step(recover)
@@ -59,7 +59,7 @@ def test_a_mission_that_does_not_give_the_control_back_says_in_which_mode_the_au
     ack, task = Future[None](), flying.task(TaskKind.MISSION)
     flying.control, flying.mode = Control.OTHER, "AUTO.LOITER"
     command = AutopilotCommand("take control")
-    recover = Recover(command, Limits(), lambda: ack, lambda _: None, name="mission", task=task)
+    recover = Recover(command, lambda: ack, lambda _: None, name="mission", task=task)
     recover.replaces(_Mission("mission", None))
     flying.step(recover)
     ack.set_exception(UalTimeoutError("PX4 has not answered"))
@@ -76,7 +76,7 @@ def test_it_begins_anew_in_the_mode_to_which_a_mission_led_before_its_first_step
     acks = [Future[None]() for _ in range(2)]
     left = iter(acks)
     flying.control, flying.mode = Control.OTHER, "AUTO.MISSION"
-    recover = Recover(AutopilotCommand("take our references"), Limits(), lambda: next(left), lambda _: None)
+    recover = Recover(AutopilotCommand("take our references"), lambda: next(left), lambda _: None)
     recover.replaces(_Mission("mission", None))
     recover.begins_in(flying.mode)
     recover.send()

@@ -10,14 +10,13 @@ import pytest
 from tests.ual_daemon.flight.hand_made import Autopilot
 from tests.ual_daemon.flight.manoeuvres.test_autopilot_mission import Lab
 from ual.errors import LinkLostError, RejectedByAutopilotError, TaskAbortedError, UalError, UalTimeoutError
-from ual.types import Limits, State
+from ual.types import State
 from ual_daemon.backends.base import Backend
 from ual_daemon.backends.values import Cause, Control, LandedState
 from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre
 from ual_daemon.flight.manoeuvres.stay_on_ground import LIFTS_OFF_S
 from ual_daemon.flight.mission_stop import MissionStop
 from ual_daemon.flight.policy.authority import LONGEST_LINK_GAP_S
-from ual_daemon.tracker.limits import CurrentLimits
 
 
 class RequestLog:
@@ -39,11 +38,6 @@ class RequestLog:
         return self.answers[-1]
 
 
-class AnyLimits:
-    def get(self) -> Limits:
-        return Limits()
-
-
 class Stopped:
     """A mission that is stopped in a state; `flown` is what stops it now."""
 
@@ -51,7 +45,7 @@ class Stopped:
         self.autopilot, self.asked = autopilot, RequestLog()
         mission, snapshot = Lab().mission, autopilot.snapshot()
         mission.begins_in("MISSION")
-        stop = MissionStop("cancel", mission, cast("Backend", self.asked), cast("CurrentLimits", AnyLimits()))
+        stop = MissionStop("cancel", mission, cast("Backend", self.asked))
         handover = stop.after(state, snapshot, mission)
         assert handover is not None
         self.flown: Manoeuvre = handover.manoeuvre
