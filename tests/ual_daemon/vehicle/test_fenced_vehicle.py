@@ -260,7 +260,7 @@ def test_a_landing_before_a_corner_at_the_edge_first_brakes_along_the_path() -> 
 
 
 @pytest.mark.parametrize("stop", [abort, move_estimate], ids=["abort", "the position jumps"])
-def test_a_stop_on_the_way_to_a_pose_near_the_edge_stays_inside_where_it_would_brake_outside(
+def test_a_stop_before_a_pose_near_the_edge_stays_inside_where_it_would_brake_outside(
     stop: Callable[[Stepped], object],
 ) -> None:
     """An autopilot approaches a pose with more deceleration than UAL may use."""
