@@ -89,7 +89,7 @@ class FlightStepper:
         if not self._rules.may_send(snapshot, raw, is_begun=False):
             return None
         current = None if ended is None or not ended.is_awaited else ended.current_reference()
-        stop = FlyReference("stop", self._stopping.stop(current, snapshot), self._rules)
+        stop = FlyReference("stop", self._stopping.stop_here(current, snapshot), self._rules)
         return stop if self._swap(stop, lambda old: SILENT if old is None else None) else None
 
     def _step_one(self, manoeuvre: Manoeuvre, snapshot: Snapshot, raw: Estimate) -> bool:

@@ -71,17 +71,21 @@ class Stopping:
             return self._stop(None, snapshot)
 
     def stop_after_jump(self, current: Reference | None, jump: EstimateJump, snapshot: Snapshot) -> Reference:
-        """Returns the same after the estimate has jumped: from the measured motion, or along where the trajectory is
-        now.
-        """
+        """Returns the same as `stop_here`, after the estimate has jumped."""
         if isinstance(current, StopOnTrajectory):
             current = current.followed
         if isinstance(current, TrajectoryReference):
             current.move(jump.offset, jump.yaw_rad)
-            stop = self.stop(current, snapshot)
-            if isinstance(stop, StopOnTrajectory):  # straight ahead it would leave the geofence
-                return stop
-        return self.stop(None, snapshot)
+        return self.stop_here(current, snapshot)
+
+    def stop_here(self, current: Reference | None, snapshot: Snapshot) -> Reference:
+        """Returns the stop from the motion that the UAV has, as one that makes no way must not be led on; or the one
+        along the trajectory, where straight ahead would leave the geofence.
+        """
+        here = self.stop(None, snapshot)
+        if isinstance(here, Hold) and isinstance(along := self.stop(current, snapshot), StopOnTrajectory):
+            return along
+        return here
 
     def _stop(self, current: Reference | None, snapshot: Snapshot) -> Reference:
         if isinstance(current, StopOnTrajectory):

@@ -248,6 +248,22 @@ def before_corner(flown_m: float) -> Iterator[tuple[Stepped, Callable[[Vector3],
         yield uav, lambda point: point.y >= max(0.0, (point.x - 60.0) * slope) - 0.55
 
 
+def test_what_makes_no_headway_holds_where_it_is_and_is_not_led_on() -> None:
+    """By a reference that leads a UAV which something stops, it would be pushed on."""
+    with stepped(light={"response_s": 1.0}) as uav:  # the UAV lags
+        uav.fly()
+        uav.prepare.go_to_waypoint(at(10.0, 0.0, 3.0)).begin()
+        uav.until(lambda: uav.pose.position.x > 1.0)
+        before = uav.vehicle.telemetry().reference_pose
+        break_manoeuvre(uav)
+        uav.run(0.1)
+        held = uav.vehicle.telemetry().reference_pose
+        assert before is not None
+        assert held is not None
+        assert held.position.x == pytest.approx(uav.pose.position.x, abs=0.15)
+        assert held.position.x < before.position.x - 0.05
+
+
 def test_a_landing_before_a_corner_at_the_edge_first_brakes_along_the_path() -> None:
     """The autopilot's own landing braked straight ahead, 3 to 4 m outside."""
     with before_corner(50.0) as (uav, is_inside):

@@ -161,10 +161,21 @@ class LandManoeuvre(Landing):
         is_late = snapshot.time_s - self._begun_s > _LONGEST_BRAKING_S
         if not is_late and measured_motion(snapshot).velocity.norm() > _SLOW_M_S:
             return True
+        self._send_first(snapshot)
+        return False
+
+    def _send_first(self, snapshot: Snapshot) -> None:
         self.brakes_first = False
         if self._send is not None:
             self._command.send(self._send, snapshot)
-        return False
+
+    def _left_blind(self, lost: UalError, snapshot: Snapshot) -> UalError:
+        """Returns the error where it is not seen any more. A command that waits for the braking leaves all the same."""
+        if self._is_landing:
+            return _goes_on(lost)
+        if self.brakes_first:
+            self._send_first(snapshot)
+        return self._command.left_behind(lost)
 
     @override
     def await_cause(self, snapshot: Snapshot) -> None:
@@ -176,7 +187,7 @@ class LandManoeuvre(Landing):
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
         lost = why_blind(estimate, self.name)
         if lost is not None:
-            return failed(_goes_on(lost) if self._is_landing else self._command.left_behind(lost))
+            return failed(self._left_blind(lost, snapshot))
         if estimate.state in (State.LANDED_ARMED, State.LANDED_DISARMED):
             return Step(has_ended=self._touch_down.has_landed(snapshot, estimate))
         assert snapshot.control.mode is not None
