@@ -141,7 +141,8 @@ class FlightStepper:
             return None  # paused by another thread during the step
         if manoeuvre.is_awaited:
             by = "" if step.error is None else step.error.metadata.get("by", "")
-            self._rules.authority.end(snapshot, is_taken=step.is_taken, is_left=step.is_autopilot_to_hold, by=by)
+            left_to = "" if not step.is_autopilot_to_hold else "land" if step.is_autopilot_to_land else "hold by itself"
+            self._rules.authority.end(snapshot, is_taken=step.is_taken, left_to=left_to, by=by)
         return Ending(_with_other_sender(step.error, snapshot))
 
     def _hand_over(self, manoeuvre: Manoeuvre, to: Handover, snapshot: Snapshot) -> None:

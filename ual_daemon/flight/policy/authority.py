@@ -19,7 +19,6 @@ _UNINITIALIZED, _FLYING_AUTO, _LANDED_ARMED, _LANDED_DISARMED = (
 
 LONGEST_LINK_GAP_S = 10.0
 """After a longer silence the flight may be another one. Within less no UAV lands, is armed again, and takes off."""
-_LEFT = "UAL has left it to the autopilot, which holds or lands"
 _IN_AIR = (_FLYING_AUTO, State.FLYING_MANUAL, State.TAKING_OFF, State.LANDING)
 """A tuple: each update looks, and the hash of an enumeration's member is a call."""
 _OTHERS = (State.FLYING_MANUAL, State.TAKING_OFF, State.LANDING)
@@ -68,17 +67,17 @@ class Authority:
         self.is_ours, self.is_ground_theirs, self.given_up, self._heard_s = True, False, "", None
         self._has_flown, self.taken, self.holder = True, "", None
 
-    def end(self, snapshot: Snapshot, *, is_taken: bool, is_left: bool = False, by: str = "") -> None:
+    def end(self, snapshot: Snapshot, *, is_taken: bool, left_to: str = "", by: str = "") -> None:
         """Notes that a manoeuvre of UAL has ended, and whether others took the UAV in it. `by` is their name, if it is
         known.
 
-        `is_left`: UAL leaves it to the autopilot, which is to hold by itself or to land.
+        `left_to` is what UAL leaves to the autopilot: to hold by itself, or to land; empty if nothing.
 
         They may have selected a mode in which the state is FLYING_AUTO all the time (GUIDED in a landing of UAL).
         """
         self.is_ours = not is_taken
-        if is_left:
-            self.taken = _LEFT
+        if left_to:
+            self.taken = f"UAL has had the autopilot {left_to}"
         if is_taken:
             self._note_taken(snapshot, "others took it")
         if is_taken and by == Cause.GROUND_STATION.value and snapshot.control.held_by is None:
