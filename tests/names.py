@@ -79,7 +79,7 @@ KEPT_NUMBERS = {
     "clients/python/ual/network/settings.py": "MOST_RATE_HZ",
     "clients/python/ual/network/values.py": "LEAST_LATE_S",
     "clients/python/ual/parameters/files.py": "MOST_BYTES",
-    "clients/python/ual/routes/__init__.py": "MOST_BYTES",
+    "clients/python/ual/routes/_files.py": "MOST_BYTES",
 }
 """Names that installed programs may use (`tests/data/interface.txt`)."""
 _WORDS = re.compile(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+")

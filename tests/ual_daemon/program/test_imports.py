@@ -83,3 +83,13 @@ def test_the_package_ual_has_no_more_than_values_and_errors() -> None:
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
     assert "ual.types" in done.stdout.split()
     assert not {"ipaddress", "pathlib", "struct", "ual.shared.text"} & set(done.stdout.split())
+
+
+def test_the_interface_of_a_uav_reads_no_files() -> None:
+    program = "import sys, ual.interface, ual.missions.commands; print(*sorted(sys.modules))"
+    command = [sys.executable, "-S", "-c", program]
+    environment = {"PYTHONPATH": ":".join(sys.path)}
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
+    packages = ("fences", "logs", "missions", "parameters")
+    readers = {f"ual.{each}.files" for each in packages} | {"ual.routes._files", "ual.routes._xml", "pyexpat"}
+    assert not readers & set(done.stdout.split())

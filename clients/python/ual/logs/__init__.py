@@ -2,7 +2,15 @@
 
 from __future__ import annotations
 
-from ual.logs.files import PartialFile, fetch, file_name
+from typing import TYPE_CHECKING
+
 from ual.logs.values import Log, LogChunk
+from ual.shared.late import late
+
+if TYPE_CHECKING:
+    from ual.logs.files import PartialFile, fetch, file_name
 
 __all__ = ["Log", "LogChunk", "PartialFile", "fetch", "file_name"]
+
+if not TYPE_CHECKING:  # a type checker would take any name for one of ours
+    __getattr__ = late("ual.logs", "files", "PartialFile", "fetch", "file_name")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from typing import TYPE_CHECKING
 
 from ual.missions.items import (
@@ -22,6 +21,7 @@ from ual.missions.items import (
     Waypoint,
 )
 from ual.missions.plan import LinkLossAction, MissionPlan, MissionProgress, MissionStage, StoredMission
+from ual.shared.late import late
 
 if TYPE_CHECKING:
     from ual.missions.files import Mission, parse, read
@@ -53,9 +53,4 @@ __all__ = [
 
 
 if not TYPE_CHECKING:  # a type checker would take any name for one of ours
-
-    def __getattr__(name: str) -> object:
-        # Imported when used: a daemon reads no files of missions.
-        if name in ("Mission", "parse", "read"):
-            return getattr(importlib.import_module("ual.missions.files"), name)
-        raise AttributeError(f"module 'ual.missions' has no attribute {name!r}")
+    __getattr__ = late("ual.missions", "files", "Mission", "parse", "read")

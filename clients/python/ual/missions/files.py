@@ -13,8 +13,9 @@ from pathlib import Path
 
 from ual.missions import checks, commands
 from ual.missions.items import Item, Waypoint
-from ual.routes import MOST_BYTES, RouteError, _document, _plan, _text, _wpl
-from ual.routes import parse as parse_route
+from ual.routes import _plan, _wpl
+from ual.routes._files import MOST_BYTES, RouteError, _document, _text
+from ual.routes._files import parse as parse_route
 from ual.routes._route import FaultError, Route, naming
 from ual.types import AltitudeReference, GeoWaypoint
 

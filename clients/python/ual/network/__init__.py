@@ -11,11 +11,11 @@ Needs the package eclipse-zenoh: extra ``network``. Nothing here flies a UAV: th
 
 from __future__ import annotations
 
-import importlib
 from typing import TYPE_CHECKING
 
 from ual.network.settings import LOOPBACK, NetworkSettings, Scouting
 from ual.network.values import NetworkUav
+from ual.shared.late import late
 
 if TYPE_CHECKING:
     from ual.network.listening import Network, discover
@@ -24,9 +24,4 @@ __all__ = ["LOOPBACK", "Network", "NetworkSettings", "NetworkUav", "Scouting", "
 
 
 if not TYPE_CHECKING:  # a type checker would take any name for one of ours
-
-    def __getattr__(name: str) -> object:
-        # Imported when used: a daemon tells, but does not listen.
-        if name in ("Network", "discover"):
-            return getattr(importlib.import_module("ual.network.listening"), name)
-        raise AttributeError(f"module 'ual.network' has no attribute {name!r}")
+    __getattr__ = late("ual.network", "listening", "Network", "discover")

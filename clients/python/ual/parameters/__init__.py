@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
-from ual.parameters.files import Difference, FileValues, OtherComponent, compare, read, write
+from typing import TYPE_CHECKING
+
 from ual.parameters.values import SYSTEM_ID_NAMES, Description, Parameter, ParameterType, range_text
+from ual.shared.late import late
+
+if TYPE_CHECKING:
+    from ual.parameters.files import Difference, FileValues, OtherComponent, compare, read, write
 
 __all__ = [
     "SYSTEM_ID_NAMES",
@@ -18,3 +23,8 @@ __all__ = [
     "read",
     "write",
 ]
+
+if not TYPE_CHECKING:  # a type checker would take any name for one of ours
+    __getattr__ = late(
+        "ual.parameters", "files", "Difference", "FileValues", "OtherComponent", "compare", "read", "write"
+    )

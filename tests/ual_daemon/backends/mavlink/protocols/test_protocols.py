@@ -43,7 +43,7 @@ def test_only_those_are_ticked_that_have_something_to_do() -> None:
     assert not names_of_waiting(protocols) & {"parameters", "missions"}
 
 
-def test_a_request_that_the_end_of_another_exchange_makes_is_sent() -> None:
+def test_what_is_requested_by_the_end_of_another_exchange_is_sent() -> None:
     protocols, sent = attached()
     read: Future[Any] = Future()
     listed: Future[Any] = Future()
