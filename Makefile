@@ -26,7 +26,7 @@ help:  ## What can be made
 install: $(INSTALLED)  ## Both programs into .venv: ual-daemon and ual
 
 $(INSTALLED): $(DISTRIBUTIONS) $(LOCK) tools/compile_used.py | $(VENV)/.made
-	@echo 'Installing UAL into $(VENV), once: 45 MB to download, 200 MB of disk'
+	@echo 'Installing UAL into $(VENV), once: 33 MB to download, 140 MB of disk'
 	$(PIP_INSTALL) -e $(CLIENT) -e $(TOOLS) -e .
 	$(COMPILE)
 	@touch $@

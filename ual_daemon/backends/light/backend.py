@@ -106,7 +106,12 @@ class LightBackend(Backend):
         self.clock = self.world
         self._settings = settings
         self._index = self.world.add(settings)
-        self._projection = EllipsoidProjection(*settings.origin_geo)
+        projection = EllipsoidProjection(*settings.origin_geo)
+        self._earth = EarthReference(
+            projection=projection,  # from which the geographic position is computed when it is needed
+            home_altitude_amsl_m=projection.altitude_amsl_m,
+            geoid_separation_m=settings.geoid_separation_m,
+        )
         self._random = random.Random()  # noqa: S311  for noise, not for secrets
         self._noise_sigmas = (settings.position_noise_m, settings.velocity_noise_m_s)
         self._faults = Faults(self.world)
@@ -464,11 +469,7 @@ class LightBackend(Backend):
                 pose=Sample(Pose(position, Quaternion.from_yaw(report.yaw)), now_s),
                 velocity=Sample(Twist(velocity, Vector3(0.0, 0.0, report.yaw_rate)), now_s),
             ),
-            earth=EarthReference(
-                projection=self._projection,  # from which the geographic position is computed when it is needed
-                home_altitude_amsl_m=self._projection.altitude_amsl_m,
-                geoid_separation_m=self._settings.geoid_separation_m,
-            ),
+            earth=self._earth,
             condition=Condition(
                 battery=Battery(
                     percent, _EMPTY_V + (_FULL_V - _EMPTY_V) * percent / 100.0, 12.0 if report.is_armed else 0.5
