@@ -379,7 +379,7 @@ class _Task(Task):
 
     @override
     def watch(self, rate_hz: float = 10.0) -> Iterator[TaskInfo]:
-        period_s = 1.0 / validation.positive(rate_hz, "rate_hz", at_most=validation.MAX_STREAM_RATE_HZ)
+        period_s = validation.watch_period_s(rate_hz)
         while not self._task.future.done():
             yield self._task.info()
             concurrent.futures.wait([self._task.future], timeout=period_s)

@@ -25,6 +25,10 @@ MAX_HOLD_S = 3600.0
 MAX_ANGULAR_SPEED_RAD_S = 1000.0
 """Of what is measured."""
 MAX_STREAM_RATE_HZ = 1e9
+WATCH_RATE_HZ = 10.0
+"""Reports of a task in a second where a caller asks for none in particular."""
+MAX_WATCH_RATE_HZ = 50.0
+"""A UAV is updated as often: nothing changes in between, and one watcher must not take a core of the daemon."""
 MAX_STAMP_S = 253_402_300_799.0
 """The end of the year 9999, the latest time in protobuf."""
 
@@ -73,6 +77,12 @@ def not_negative(value: SupportsFloat, field: str, *, at_most: float) -> float:
     if result < 0.0:
         raise refuse(field, f"{result:g} is negative")
     return result
+
+
+def watch_period_s(rate_hz: SupportsFloat) -> float:
+    """Returns the seconds between two reports of a task, of which a rate of 0 leaves the choice to UAL."""
+    rate_hz = not_negative(rate_hz, "rate_hz", at_most=MAX_STREAM_RATE_HZ) or WATCH_RATE_HZ
+    return 1.0 / min(rate_hz, MAX_WATCH_RATE_HZ)
 
 
 def positive(value: SupportsFloat, field: str, *, at_most: float) -> float:

@@ -37,10 +37,7 @@ _Maybe: TypeAlias = R | Awaitable[R]
 
 _log = logging.getLogger(__name__)
 
-_WATCH_RATE_HZ = 10.0
 _LONGEST_HOLDER_CHARACTERS = 64
-_MAX_WATCH_RATE_HZ = 50.0
-"""As often as a UAV is updated: nothing changes in between, and one watcher must not take a core of the daemon."""
 
 
 class UalServicer(UalServicerBase):
@@ -245,7 +242,7 @@ class UalServicer(UalServicerBase):
 
     @override
     async def WatchTask(self, request: pb.WatchTaskRequest, context: object) -> AsyncIterator[pb.WatchTaskResponse]:
-        period_s = 1.0 / min(_rate_hz(request.rate_hz) or _WATCH_RATE_HZ, _MAX_WATCH_RATE_HZ)
+        period_s = validation.watch_period_s(request.rate_hz)
         task = self._vehicle.task(request.task_id)
         done = completion(task.future)
         while not done.done():

@@ -136,7 +136,9 @@ class Task(Protocol):
         ...
 
     def watch(self, rate_hz: float = 10.0) -> Iterator[TaskInfo]:
-        """Yields how it stands, `rate_hz` times a second, until it has ended. The last value says how it ended."""
+        """Yields how it stands, `rate_hz` times a second (at most 50; 0: 10), until it has ended. The last value says
+        how it ended.
+        """
         ...
 
 

@@ -23,6 +23,7 @@ def a_handle_reports_its_task(flight: Flight) -> None:
     task = uav.go_to_waypoint(goal, blocking=False)
     require(task.id == uav.task(task.id).id, "task() returns another task")
     flight.wait(lambda sample: sample.task is not None and sample.task.id == task.id, "the task in the telemetry")
+    require(next(iter(task.watch(rate_hz=0.0))).id == task.id, "a watch without a rate of its own reports another task")
     reports = list(task.watch(rate_hz=20.0))
     require(reports[-1].status is TaskStatus.SUCCEEDED, f"the last status is {reports[-1].status.name}")
     progress = [info.progress for info in reports if info.progress is not None]
