@@ -6,6 +6,7 @@ The rules stand here alone: no test is marked by hand.
 from __future__ import annotations
 
 import dis
+from functools import cache
 from types import CodeType
 from typing import Any
 
@@ -159,6 +160,7 @@ def _plain(values: Any, *, is_one: bool) -> Any:
     return (values,) if is_one else values
 
 
+@cache
 def asks_which(code: CodeType) -> bool:
     """Returns whether a function, or one within it, reads a name or a text that tells the autopilots apart."""
     inner = [each for each in code.co_consts if isinstance(each, CodeType)]
