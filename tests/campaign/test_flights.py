@@ -8,7 +8,9 @@ from functools import partial
 from pathlib import Path
 from typing import cast
 
-from tests.campaign.__main__ import begin_anew
+import pytest
+
+from tests.campaign.__main__ import begin_anew, require_at_origin
 from tests.campaign.evidence import Case
 from tests.campaign.flight import fly
 from tests.campaign.judge import judge
@@ -118,6 +120,14 @@ def test_a_daemon_that_goes_on_sending_after_the_take_over_is_found(tmp_path: Pa
         record = fly(rig, TAKE_OVER)
     # Where the computer is too busy to say since when the take-over was known, the other rule finds it.
     assert {"take-over", "unasked"} & {breach.rule for breach in judge(record)}
+
+
+def test_a_vehicle_that_is_not_at_its_origin_flies_no_campaign() -> None:
+    """The fence refused sixty take-offs of one at the other end of the Earth, and each flight counted as idle."""
+    require_at_origin(None)
+    require_at_origin((3.0, -4.0, 5.0))
+    with pytest.raises(SystemExit, match="10000 km from --origin"):
+        require_at_origin((6.0e6, -8.0e6, 100.0))
 
 
 class _Stuck:
