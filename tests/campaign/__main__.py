@@ -92,7 +92,7 @@ def _campaign(rig: Rig, arguments: argparse.Namespace) -> int:
 
 
 def require_at_origin(place: Place | None) -> None:
-    """Ends the campaign of a vehicle that stands elsewhere: the fence would refuse each take-off, and no rule be tried."""
+    """Ends the campaign of a vehicle that stands elsewhere: its fence would refuse each take-off."""
     if place is not None and (away_m := math.hypot(*place[:2])) > _FARTHEST_M:
         raise SystemExit(f"the vehicle is {away_m / 1e3:.0f} km from --origin: start the simulator there")
 

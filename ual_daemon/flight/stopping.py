@@ -79,8 +79,8 @@ class Stopping:
         return self.stop_here(current, snapshot)
 
     def stop_here(self, current: Reference | None, snapshot: Snapshot) -> Reference:
-        """Returns the stop from the motion that the UAV has, as one that makes no way must not be led on; or the one
-        along the trajectory, where straight ahead would leave the geofence.
+        """Returns the stop from the motion that the UAV has; one that makes no way must not be led on. Where straight
+        ahead would leave the geofence, it is the stop along the trajectory.
         """
         here = self.stop(None, snapshot)
         if isinstance(here, Hold) and isinstance(along := self.stop(current, snapshot), StopOnTrajectory):
