@@ -38,7 +38,10 @@ _LEADING_ASIDE = (
 
 
 def a_task_progresses(case: Case) -> Iterator[Breach]:
-    """No task goes on whose vehicle has stood for 13 s, by the truth, whatever its cause."""
+    """No task goes on whose vehicle has stood for 13 s by the truth and by the estimate, whatever its cause.
+
+    A barometer that drifted brought an ArduCopter to the ground whose estimate went on sinking to its goal for 60 s.
+    """
     record = case.record
     ground_m = min((each.place[2] for each in record.truth), default=0.0)
     for call in record.called:
@@ -59,11 +62,16 @@ def _stood(record: Record, places: Sequence[Located]) -> Located | None:
     for each in places:
         assert begin is not None
         is_interrupted = is_befallen(record, _INTERRUPTING, each.time_s, each.time_s)
-        if is_interrupted or distance_m(each.place, begin.place) > STILL_M:
+        if is_interrupted or distance_m(each.place, begin.place) > STILL_M or _seems_moved(record, begin, each):
             begin = each
         elif each.time_s - begin.time_s > STILL_S:
             return begin
     return None
+
+
+def _seems_moved(record: Record, begin: Located, end: Located) -> bool:
+    before, after = nearest(record.estimate, begin.time_s), nearest(record.estimate, end.time_s)
+    return before is not None and after is not None and distance_m(before, after) > STILL_M
 
 
 def a_velocity_leads_straight(case: Case) -> Iterator[Breach]:

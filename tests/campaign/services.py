@@ -53,7 +53,7 @@ def a_mission_has_its_owner(case: Case) -> Iterator[Breach]:
             if min(call.ended_s, _reported_s(record, order.time_s)) > due_s:
                 text = f"the mission went on for {call.ended_s - order.time_s:.2f} s after another's {order.what}"
                 yield Breach("mission's owner", order.time_s, text)
-            if not call.outcome:
+            if not call.outcome and call.ended_s > order.time_s + TOLD_S:  # before, it may have been complete
                 yield Breach("mission's owner", call.ended_s, f"it counts as done after another station's {order.what}")
             elif call.outcome == "TASK_ABORTED" and not any(name in call.text + call.by for name in _NAMES):
                 yield Breach("mission's owner", call.ended_s, f"{call.text!r} does not name the other station")

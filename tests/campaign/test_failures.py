@@ -311,6 +311,9 @@ def test_the_mission_of_another_station_ends_ours() -> None:
     ):
         record.orders.append(Order(12.0, "upload"))
         assert rules(record) & {"mission's owner"} == found
+    record = mission()  # it was complete as the other station began (campaign, 1630000000024)
+    record.orders.append(Order(13.4, "upload"))
+    assert rules(record) == set()
     record = mission("TASK_ABORTED", 13.5, named)
     record.orders.append(Order(12.0, "upload"))
     record.missions += [Value(9.0, "mission", 3.0), Value(12.8, "mission", 2.0)]

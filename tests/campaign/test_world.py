@@ -70,6 +70,14 @@ def test_a_task_that_moves_slowly_progresses() -> None:
     assert rules(flight(eastwards({0.0: 0.03}), Called("go_to", 11.0, 39.0, "TIMEOUT"))) == {"way"}
 
 
+def test_a_task_whose_estimate_moves_may_stand() -> None:
+    record = flight(eastwards({0.0: 0.0}), Called("go_to", 11.0, 39.0, "TIMEOUT"))
+    record.estimate = [dataclasses.replace(each, place=(0.0, 0.0, 30.0 - 0.1 * each.time_s)) for each in record.truth]
+    assert rules(record) == set()
+    record.estimate = [dataclasses.replace(each, place=(0.0, 0.0, 3.0 - 0.01 * each.time_s)) for each in record.truth]
+    assert rules(record) == {"way"}
+
+
 def test_a_task_whose_path_was_cut_may_stand() -> None:
     record = flight(eastwards({0.0: 0.0}), Called("go_to", 11.0, 39.0, "TIMEOUT"))
     record.troubles.append(Trouble("silence", 12.0, 16.0))
