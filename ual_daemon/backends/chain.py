@@ -38,6 +38,8 @@ def then_wait(first: Future[S], step: Callable[[S], Future[T]]) -> Future[T]:
             last = Future()
             last.set_exception(error)
         running.append(last)
+        if result.cancelled():  # while the step began it: whoever cancels sees only what is in progress by then
+            last.cancel()
         last.add_done_callback(lambda ended: _end_as(ended, result))
 
     def on_result(ended: Future[T]) -> None:

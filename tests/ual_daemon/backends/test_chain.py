@@ -7,7 +7,7 @@ from concurrent.futures import Future
 import pytest
 
 from ual.errors import LinkLostError, UalTimeoutError
-from ual_daemon.backends.chain import done, together
+from ual_daemon.backends.chain import done, then_wait, together
 
 
 def test_all_results_come_in_their_order_once_the_last_is_there() -> None:
@@ -41,3 +41,17 @@ def test_cancelling_goes_both_directions() -> None:
     found = together([withdrawn, done(1)])
     withdrawn.cancel()
     assert found.cancelled()
+
+
+def test_what_a_step_has_begun_while_its_result_was_cancelled_is_cancelled() -> None:
+    """The caller gives up on one thread, while another one begins the next command for him."""
+    first: Future[int] = Future()
+    last: Future[int] = Future()
+
+    def step(_: int) -> Future[int]:
+        result.cancel()
+        return last
+
+    result = then_wait(first, step)
+    first.set_result(1)
+    assert last.cancelled()
