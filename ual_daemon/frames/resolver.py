@@ -233,22 +233,22 @@ class FrameResolver:
             InvalidArgumentError: It is too far away.
 
         """
-        self._require_known(goal.frame_id)
-        if self.tree.is_below_body(goal.frame_id):
-            raise WrongStateError(
-                f"the frame {goal.frame_id} hangs below {self.tree.body}: it moves with the UAV itself"
+        with self.still:  # both of the same frames: an update between them would be a motion that is none
+            self._require_known(goal.frame_id)
+            if self.tree.is_below_body(goal.frame_id):
+                raise WrongStateError(
+                    f"the frame {goal.frame_id} hangs below {self.tree.body}: it moves with the UAV itself"
+                )
+            links, metres = self.tree.links, self._odom_metres
+            here, soon = (
+                self._waypoint(goal, self.tree.lookup(self.tree.odom, goal.frame_id, None, time_s, links), metres)
+                for time_s in (now_s, now_s + _DIFFERENCE_S)
             )
-        here, soon = (self._waypoint_at(goal, time_s) for time_s in (now_s, now_s + _DIFFERENCE_S))
         velocity = (soon.position - here.position) / _DIFFERENCE_S
         if here.yaw_rad is None or soon.yaw_rad is None:
             return Motion(here.position, kept_yaw_rad, velocity)
         yaw_rate_rad_s = wrap_angle(soon.yaw_rad - here.yaw_rad) / _DIFFERENCE_S
         return Motion(here.position, here.yaw_rad, velocity, yaw_rate_rad_s=yaw_rate_rad_s)
-
-    def _waypoint_at(self, goal: Goal, now_s: float) -> PathWaypoint:
-        with self.still:
-            to_odom, metres = self.tree.lookup(self.tree.odom, goal.frame_id, None, now_s), self._odom_metres
-        return self._waypoint(goal, to_odom, metres)
 
     def all_to_local(self, goals: Sequence[Goal | GeoWaypoint], snapshot: Snapshot) -> list[PathWaypoint]:
         """Converts goals to the backend's local frame, all at the same time: each frame is looked up once.

@@ -197,7 +197,8 @@ class FrameTree:
     def add(self, transform: Transform, now_s: float = 0.0) -> None:
         """Adds a frame, or moves one that was added before, at a time of the backend's clock.
 
-        An empty parent means ``map``. The velocity of a frame is estimated from one move to the next.
+        An empty parent means ``map``. The velocity of a frame is estimated from one move to the next. By its stamp, a
+        move that comes after a later one is left out, and one that is repeated tells nothing new.
 
         Raises:
             UnknownFrameError: There is no such parent.
@@ -220,8 +221,10 @@ class FrameTree:
                     {"field": "transform.header.frame_id"},
                 )
             _require_room(parent, child, self.links)
+            old = self.links.get(child)
             link = Transform(transform.translation, transform.rotation, parent, child, transform.stamp_s)
-            self._replace(link, _estimated_motion(self.links.get(child), link, now_s), now_s)
+            if old is None or not _is_overtaken(old, link):
+                self._replace(link, _estimated_motion(old, link, now_s), now_s)
 
     def attach(self, name: str, place: Vector3, turned: Callable[[], Quaternion | None]) -> None:
         """Adds a frame below the body that turns by itself, as a gimbal does. Callers can neither move nor remove it.
@@ -271,17 +274,20 @@ class FrameTree:
             result.append(Frame(name, link.parent, transform, name != self.body and link.is_still))
         return result
 
-    def lookup(self, target: str, source: str, body: Pose | None, now_s: float | None = None) -> Transform:
+    def lookup(
+        self, target: str, source: str, body: Pose | None, now_s: float | None = None, links: _Links | None = None
+    ) -> Transform:
         """Returns the transform from the source frame to the target frame.
 
-        With `now_s` (backend clock), the positions of moving frames are extrapolated to that time.
+        With `now_s` (backend clock), the positions of moving frames are extrapolated to that time. `links` are those
+        of several lookups that belong together; None: the present ones.
 
         Raises:
             UnknownFrameError: There is no such frame.
             WrongStateError: A link between the frames is not known (yet).
 
         """
-        links = self.links
+        links = self.links if links is None else links
         _require(target, links)
         _require(source, links)
         if target == source:
@@ -318,6 +324,14 @@ def _first_link(link: Transform, child: str) -> Transform:
     return Transform(link.translation, link.rotation, link.frame_id, child)
 
 
+def _is_overtaken(old: _Link, link: Transform) -> bool:
+    """Returns whether a later update came before, by the client's stamps. A clock that was set back is no such case."""
+    before = old.transform
+    if before is None or old.parent != link.frame_id or not (before.stamp_s > 0.0 and link.stamp_s > 0.0):
+        return False
+    return 0.0 < before.stamp_s - link.stamp_s <= _UPDATE_GAP_S
+
+
 def _estimated_motion(old: _Link | None, link: Transform, now_s: float) -> FrameMotion | None:
     """Estimates how a frame moves after an update: smoothed, and by the client's stamps if it gives them."""
     if old is None or old.transform is None or old.parent != link.frame_id:
@@ -329,11 +343,11 @@ def _estimated_motion(old: _Link | None, link: Transform, now_s: float) -> Frame
     if old.motion is None and is_same and passed_s > _UPDATE_GAP_S:  # a program that starts again adds its frames again
         return None
     last = old.motion or FrameMotion(now_s)
-    if passed_s <= 0.0:  # a repeated update, or one out of order
-        return replace(last, since_s=now_s)
+    if passed_s == 0.0:  # a repeated update
+        return last
     velocity = (link.translation - before.translation) / passed_s
     yaw_rate_rad_s = wrap_angle((link.rotation * before.rotation.inverse()).yaw_rad) / passed_s
-    if velocity.norm() > _FASTEST_FRAME_M_S or passed_s > _UPDATE_GAP_S:
+    if velocity.norm() > _FASTEST_FRAME_M_S or abs(passed_s) > _UPDATE_GAP_S:
         return FrameMotion(now_s)
     # The first time, too: two updates close in time do not give a good velocity.
     share = passed_s / (passed_s + _VELOCITY_SMOOTHING_S)

@@ -321,6 +321,33 @@ def test_two_updates_close_in_time_do_not_give_a_velocity_yet() -> None:
     assert frames.lookup(MAP, "car", None, 5.0).translation.x < 2.0
 
 
+def test_an_update_that_is_repeated_with_its_stamp_does_not_let_a_frame_go_on() -> None:
+    """A program that sends the last measurement again and again, as its source has ended, tells of no motion."""
+    frames = tree()
+    moved(frames, every(0.1, 3.0), lambda t: 2.0 * t, stamped=True)
+    last = replace(at(6, 0, 0, MAP, "car"), stamp_s=1003.0)
+    for now_s in every(0.1, 2.0):
+        frames.add(last, 3.0 + now_s)
+    ahead = [frames.lookup(MAP, "car", None, 5.0 + later_s).translation.x for later_s in (0.0, 0.05, 0.09)]
+    assert ahead == [ahead[0]] * 3
+    assert frames.is_moving("car")
+
+
+def test_an_update_that_was_overtaken_does_not_move_a_frame_back() -> None:
+    frames = tree()
+    moved(frames, every(0.1, 3.0), lambda t: 2.0 * t, stamped=True)
+    before = frames.links
+    frames.add(replace(at(5.8, 0, 0, MAP, "car"), stamp_s=1002.9), 3.05)
+    assert frames.links is before
+
+
+def test_a_frame_stands_where_the_clock_of_its_client_was_set_back() -> None:
+    frames = tree()
+    moved(frames, every(0.1, 3.0), lambda t: 2.0 * t, stamped=True)
+    frames.add(replace(at(6.2, 0, 0, MAP, "car"), stamp_s=500.0), 3.1)
+    assert frames.lookup(MAP, "car", None, 3.4).translation.x == 6.2
+
+
 @pytest.mark.parametrize("pause_s", [0.1, 5.0])
 def test_a_frame_that_is_put_elsewhere_stands_still_there(pause_s: float) -> None:
     frames = tree()
