@@ -10,7 +10,11 @@ from ual_daemon.backends.clock import steady_s
 from ual_daemon.backends.crazyflie.packets import CrtpPacket
 
 MOST_PACKETS = 64
-"""Most packets that wait; more are lost."""
+"""Most packets that wait; of more the oldest are lost."""
+OLDEST_PACKET_S = 0.5
+"""A packet that had to wait for longer is lost: whoever sent it repeats it, or has given up. A radio that blocks would
+else arm, land or stop the motors of a UAV that was told so half a minute ago.
+"""
 OLDEST_POSE_S = 0.2
 """A pose from outside that had to wait for longer is not sent: the estimator takes it for where it is now."""
 
@@ -19,22 +23,21 @@ class PacketOutbox:
     """Packets in their order, and the newest pose from outside, which is sent when no packet waits. For any thread.
 
     A newer pose replaces one that has not left. So poses, which come as fast as their source measures, never delay
-    anything else, and no old one leaves after the link has been blocked.
+    anything else, and nothing old leaves after the link has been blocked.
     """
 
     def __init__(self, now_s: Callable[[], float] = steady_s) -> None:
         self._now_s = now_s
         self._changed = threading.Condition()
-        self._packets: deque[CrtpPacket] = deque()
+        self._packets: deque[tuple[CrtpPacket, float]] = deque(maxlen=MOST_PACKETS)
         self._pose: tuple[CrtpPacket, float] | None = None
         self._is_closed = False
 
     def put(self, packet: CrtpPacket) -> None:
-        """Adds a packet; it is lost if too many wait."""
+        """Adds a packet; the oldest is lost if too many wait."""
         with self._changed:
-            if len(self._packets) < MOST_PACKETS:
-                self._packets.append(packet)
-                self._changed.notify()
+            self._packets.append((packet, self._now_s()))
+            self._changed.notify()
 
     def put_pose(self, packet: CrtpPacket) -> None:
         """Replaces the pose that is to be sent."""
@@ -53,10 +56,13 @@ class PacketOutbox:
         with self._changed:
             while True:
                 self._changed.wait_for(lambda: self._packets or self._pose is not None or self._is_closed)
-                if self._packets:
-                    return self._packets.popleft()
+                now_s = self._now_s()
+                while self._packets:
+                    packet, put_s = self._packets.popleft()
+                    if now_s - put_s <= OLDEST_PACKET_S:
+                        return packet
                 pose, self._pose = self._pose, None
-                if pose is not None and self._now_s() - pose[1] <= OLDEST_POSE_S:
+                if pose is not None and now_s - pose[1] <= OLDEST_POSE_S:
                     return pose[0]
-                if pose is None:  # closed
+                if self._is_closed:
                     return None

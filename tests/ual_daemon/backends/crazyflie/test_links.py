@@ -22,7 +22,7 @@ from ual_daemon.backends.base import Backend, BackendOptions
 from ual_daemon.backends.clock import MonotonicClock
 from ual_daemon.backends.crazyflie import CrazyflieBackend, links, packets
 from ual_daemon.backends.crazyflie.links import CflibLink, CrtpLinkError, CrtpUdpLink, ScannedLink, make_link
-from ual_daemon.backends.crazyflie.outbox import OLDEST_POSE_S, PacketOutbox
+from ual_daemon.backends.crazyflie.outbox import MOST_PACKETS, OLDEST_PACKET_S, OLDEST_POSE_S, PacketOutbox
 from ual_daemon.backends.crazyflie.packets import CrtpPacket
 from ual_daemon.backends.crazyflie.session import CrazyflieSession
 from ual_daemon.backends.crazyflie.settings import CrazyflieSettings
@@ -243,6 +243,19 @@ def test_a_pose_that_had_to_wait_for_too_long_does_not_leave() -> None:
     outbox.put_pose(pose(1))
     time_s = OLDEST_POSE_S + 0.01
     outbox.put(PACKET)
+    outbox.close()
+    assert [outbox.take() for _ in range(2)] == [PACKET, None]
+
+
+def test_a_command_that_had_to_wait_for_too_long_does_not_leave() -> None:
+    """A radio that blocked for half a minute must not arm what its pilot has given up, nor stop what flies by now."""
+    time_s = 0.0
+    outbox = PacketOutbox(lambda: time_s)
+    for _ in range(MOST_PACKETS):
+        outbox.put(packets.arm(12, is_armed=True))
+    time_s = 30.0
+    outbox.put(PACKET)
+    time_s += OLDEST_PACKET_S
     outbox.close()
     assert [outbox.take() for _ in range(2)] == [PACKET, None]
 
