@@ -51,8 +51,8 @@ class _GimbalOrder:
     """The order to a gimbal that counts: the newest one that it has accepted."""
 
     number: int = 0
-    boots_count: int = 0
-    """Boots of the autopilot when the order began; 0 where that is not known."""
+    boot: int = 0
+    """Boot of the autopilot in which the order began; 0 where that is not known."""
     activity: GimbalActivity | None = None
     followed: GimbalTarget | None = None
     problem: str = ""
@@ -106,10 +106,10 @@ class UavGimbals:
 
     def begin(self, number: int) -> int:
         """Ends what a gimbal was ordered before. Returns the number of the order that begins, for `did`."""
-        boots_count = self._backend.snapshot().link.boots_count
+        boot = self._backend.snapshot().link.boot
         with self._lock:
             begun = self._orders.get(number, _GimbalOrder()).number + 1
-            self._put(number, _GimbalOrder(begun, boots_count))
+            self._put(number, _GimbalOrder(begun, boot))
         return begun
 
     def did(self, number: int, begun: int, activity: GimbalActivity, followed: GimbalTarget | None = None) -> None:
@@ -117,7 +117,7 @@ class UavGimbals:
         with self._lock:
             order = self._orders[number]
             if order.number == begun:
-                self._put(number, _GimbalOrder(begun, order.boots_count, activity, followed))
+                self._put(number, _GimbalOrder(begun, order.boot, activity, followed))
 
     def _put(self, number: int, order: _GimbalOrder) -> None:
         """Puts an order in the place of the one before. The caller holds the lock."""
@@ -139,7 +139,7 @@ class UavGimbals:
         if control is GimbalControl.OTHER and order.activity is not None:
             self._end(number, order, f"{words} has taken the control of it: what this daemon ordered has ended")
             return
-        if order.activity is not None and order.boots_count not in (0, snapshot.link.boots_count):
+        if order.activity is not None and order.boot not in (0, snapshot.link.boot):
             self._end(number, order, "the autopilot has booted: what this daemon ordered before has ended")
             return
         if order.followed is not None:

@@ -87,7 +87,7 @@ class CrazyflieTelemetry:
 
     def __init__(self, largest_position_std_m: float) -> None:
         self._largest_std_m = largest_position_std_m
-        self.boots_count = self.boots_in_frame_count = 0
+        self.boots_count, self.boots_in_frame_count = 1, 0
         self.heard_s: float | None = None
         self.power_state: int | None = None
         self.parameters: Mapping[str, float] = {}

@@ -68,12 +68,12 @@ class CommandContext(NamedTuple):
 
     time_s: float
     mode: str
-    boots_count: int
+    boot: int
 
     @classmethod
     def at(cls, time_s: float, snapshot: Snapshot) -> CommandContext:
         """Returns what was known by a snapshot."""
-        return cls(time_s, snapshot.control.settled_mode, snapshot.link.boots_count)
+        return cls(time_s, snapshot.control.settled_mode, snapshot.link.boot)
 
 
 @dataclass(slots=True, eq=False)
@@ -174,7 +174,7 @@ class CommandRunner(Generic[R]):
             return result
         snapshot = self._snapshot(now_s)
         asked = CommandContext.at(now_s, snapshot) if asked is None else asked
-        if asked.boots_count not in (0, snapshot.link.boots_count):
+        if asked.boot not in (0, snapshot.link.boot):
             text = f"the command to {command.what} was not sent: the autopilot has rebooted, or is another one"
             futures.end(result, RejectedByAutopilotError(text, {"text": text}))
             return result

@@ -205,7 +205,7 @@ class _Session:
         self._plausibility = Plausibility()
         self._readings = Readings()
         self._report: Reading[VehicleReport] = self._readings.add(Valid.WHILE_HEARD)
-        self._boots_count = 0
+        self._boots_count = self.watch.begin_boot()
 
     @property
     def is_urgent(self) -> bool:
@@ -239,7 +239,7 @@ class _Session:
             return
         self._readings.order = message.boot_s
         if self.watch.on_boot_time(message.boot_s, now_s):
-            self._boots_count += 1
+            self._boots_count = self.watch.begin_boot()
             self._readings.discard_boot()
             self.runner.drop(now_s)
         if not self.watch.is_boot_doubtful and self._plausibility.accepts_motion(message.pose, message.velocity):

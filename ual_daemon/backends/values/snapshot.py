@@ -178,7 +178,7 @@ class LinkState(NamedTuple):
             missing.
         conflict: Why it is not sure that the values are those of one vehicle. Nothing may be flown then.
         boots_count: Changes when the autopilot has rebooted, or is another one. Each boot begins a local frame of its
-            own, whose place on Earth only a projection of that boot says.
+            own, whose place on Earth only a projection of that boot says. 0: it is not known which boot it is.
         boots_in_frame_count: Changes instead where the local frame is the same after the reboot, because something
             outside lays it (motion capture).
     """
@@ -188,6 +188,11 @@ class LinkState(NamedTuple):
     conflict: str = ""
     boots_count: int = 0
     boots_in_frame_count: int = 0
+
+    @property
+    def boot(self) -> int:
+        """Number of the boot, wherever its local frame begins; 0 where it is not known."""
+        return self.boots_count + self.boots_in_frame_count
 
 
 class Snapshot(NamedTuple):

@@ -59,7 +59,7 @@ class Authority:
         self._is_in_air = self._was_in_air = False
         """Whether it was in the air when that was known last, and when it was known before the present update."""
         self._is_blind = self._was_blind = False
-        self._boots = 0, 0
+        self._boot = 0
 
     def begin(self) -> None:
         """Notes that UAL is commanded. Called with the flight's lock held."""
@@ -85,9 +85,8 @@ class Authority:
 
     def follow(self, state: State, snapshot: Snapshot) -> None:
         """Notes what an update shows, also while a manoeuvre is in progress; before `observe`."""
-        boots = snapshot.link.boots_count, snapshot.link.boots_in_frame_count
-        if boots != self._boots:  # it has not landed: it boots on the ground
-            self._boots, self._is_in_air = boots, False
+        if snapshot.link.boot != self._boot:  # it has not landed: it boots on the ground
+            self._boot, self._is_in_air = snapshot.link.boot, False
         self._was_blind, self._is_blind = self._is_blind, state is _UNINITIALIZED
         self._was_in_air = self._is_in_air
         if not self._is_blind:

@@ -181,7 +181,7 @@ class Following:
         self._recent: deque[_ReceivedVelocity] = deque(maxlen=_RECENT_VELOCITIES_COUNT)
         self._before: _ReceivedVelocity | None = None
         """Last observation, where that was in the air."""
-        self._boots_count = 0
+        self._boot = 0
 
     # --- What is known ------------------------------------------------------------------------------------------------
 
@@ -277,8 +277,8 @@ class Following:
         if self._is_released:
             self._is_released, self.why, self.trouble = False, "", None  # an update may have reported it meanwhile
             self.forget()
-        if snapshot.link.boots_count != self._boots_count:
-            self._begin_boot(snapshot.link.boots_count)
+        if snapshot.link.boot != self._boot:
+            self._begin_boot(snapshot.link.boot)
         motion = snapshot.motion
         velocity, pose = motion.velocity, motion.pose
         if velocity is None or pose is None or raw.state is State.UNINITIALIZED:
@@ -505,13 +505,13 @@ class Following:
         may_m = own_m_s * passed_s
         return (Trouble.FALL, lost_m / (now_s - before.time_s)) if lost_m > may_m + _UNSEEN_M else None
 
-    def _begin_boot(self, boots_count: int) -> None:
+    def _begin_boot(self, boot: int) -> None:
         """A UAV whose autopilot boots stands: whatever was reported of the boot before is over."""
-        if self._boots_count:
+        if self._boot:
             self.release()
             self._is_released = False
             self.forget()
-        self._boots_count = boots_count
+        self._boot = boot
 
     def _falls(self, now_s: float, z_m: float, down_m_s: float, most_m_s: float) -> bool:
         """Returns whether it has descended faster than `most_m_s` for long enough, by its velocities and its

@@ -102,7 +102,7 @@ def test_out_of_range_and_back_is_no_reboot(tmp_path: Path) -> None:
     flown.crazyflie.is_silent = False
     assert flown.until(lambda: flown.estimate().state is State.LANDED_DISARMED) < 1.0
     assert table_items(flown, since) == 0
-    assert flown.backend.snapshot().link.boots_count == 0
+    assert flown.backend.snapshot().link.boot == 1
 
 
 @pytest.mark.parametrize(
@@ -121,7 +121,7 @@ def test_a_reboot_is_noticed_and_healed(tmp_path: Path, decks: tuple[str, ...], 
     flown.crazyflie.is_silent = False
     assert flown.until(lambda: flown.estimate().state is State.LANDED_DISARMED) < 2.0
     snapshot = flown.backend.snapshot()
-    assert (snapshot.link.boots_count, snapshot.link.boots_in_frame_count) == (frames, 1 - frames)
+    assert (snapshot.link.boots_count, snapshot.link.boots_in_frame_count) == (1 + frames, 1 - frames)
     assert flown.crazyflie.parameters["commander.enHighLevel"][1] == 1
 
 
@@ -131,7 +131,7 @@ def test_another_client_that_took_the_log_is_no_reboot(tmp_path: Path) -> None:
     flown.memory.arriving.append(CrtpPacket(LOG, 1, b"\x05").encode())
     flown.until(lambda: not flown.session.is_connected)
     flown.until(lambda: flown.session.is_connected and flown.estimate().state is State.FLYING_AUTO)
-    assert flown.backend.snapshot().link.boots_count == 0
+    assert flown.backend.snapshot().link.boot == 1
 
 
 def test_does_without_a_variable_that_is_missing(tmp_path: Path) -> None:
@@ -227,7 +227,7 @@ def test_a_reboot_after_a_while_is_noticed(tmp_path: Path, *, is_watch_only: boo
     flown.crazyflie.boot()
     flown.crazyflie.is_silent = False
     flown.until(lambda: flown.estimate().state is State.LANDED_DISARMED)
-    assert flown.backend.snapshot().link.boots_count == 1
+    assert flown.backend.snapshot().link.boots_count == 2
 
 
 def failing_once(error: Exception, call: Callable[..., Any]) -> Callable[..., Any]:

@@ -13,6 +13,7 @@ from ual.errors import LinkLostError, RejectedByAutopilotError
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import Limits
 from ual_daemon.backends.base import BackendOptions
+from ual_daemon.backends.engine.boot_time import MESSAGE_SILENCE_S, PROOFS_COUNT
 from ual_daemon.backends.engine.loop import LoopThread
 from ual_daemon.backends.engine.reporting import Answer, ReportingBackend, VehicleReport
 from ual_daemon.backends.values import Control, LandedState, Setpoint, VehicleInfo, VelocitySetpoint
@@ -142,3 +143,22 @@ def test_what_the_offers_have_is_found_by_its_kind(backend: Plain) -> None:
     assert backend.offer(Device) is None
     backend._offers = (backend.device,)
     assert backend.offer(Device) is backend.device
+
+
+def test_a_command_from_before_the_first_reboot_is_not_sent_after_it(backend: Plain) -> None:
+    for _ in range(100):
+        backend.turn(backend.report())
+    backend.turn(after_s=MESSAGE_SILENCE_S)
+    booted_s = backend.time.now
+
+    def booted() -> VehicleReport:
+        return backend.report()._replace(boot_s=backend.time.now - booted_s)
+
+    for _ in range(PROOFS_COUNT - 1):
+        backend.turn(booted())
+    result = backend.disarm()  # waits for the loop, which first takes the message that proves the boot
+    backend.turn(booted())
+    backend.turn(booted())
+    with pytest.raises(RejectedByAutopilotError, match="the autopilot has rebooted"):
+        result.result(0.0)
+    assert backend.device.commands == []
