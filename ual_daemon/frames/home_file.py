@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import logging
+import math
 import threading
 import time
 from collections.abc import Mapping
@@ -14,7 +15,7 @@ from typing import Any
 from ual.discovery import HOME
 from ual.types import GeoPoint
 from ual_daemon import logs
-from ual_daemon.frames.kept_file import KeptFile
+from ual_daemon.frames.kept_file import UNUSABLE, KeptFile
 
 _log = logging.getLogger(__name__)
 
@@ -63,7 +64,7 @@ class HomeFile:
             return _parse(self.kept.read())
         except FileNotFoundError:
             return None
-        except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        except UNUSABLE as error:
             logs.event(_log, logging.WARNING, "home_file_ignored", file=str(self.path), why=_why(error))
             return None
 
@@ -90,7 +91,10 @@ def _why(error: Exception) -> str:
 
 def _parse(text: bytes) -> SavedHome:
     values = json.loads(text)
-    return SavedHome(str(values["vehicle"]), _point(values["home"]), _point(values["start"]), float(values["saved_s"]))
+    saved_s = float(values["saved_s"])
+    if math.isnan(saved_s):  # which is of no age
+        raise ValueError("saved_s is no number")
+    return SavedHome(str(values["vehicle"]), _point(values["home"]), _point(values["start"]), saved_s)
 
 
 def _point(values: Mapping[str, Any] | None) -> GeoPoint | None:

@@ -12,6 +12,9 @@ from ual.shared.pauses import GrowingPauses
 from ual_daemon import logs
 from ual_daemon.frames import small_file
 
+UNUSABLE = (OSError, ValueError, KeyError, TypeError, RecursionError, OverflowError)
+"""What reading a kept file and making values of its JSON raises, whatever is in it: a daemon starts without it."""
+
 _log = logging.getLogger(__name__)
 
 

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from ual_daemon import logs
-from ual_daemon.frames.kept_file import KeptFile
+from ual_daemon.frames.kept_file import UNUSABLE, KeptFile
 
 _log = logging.getLogger(__name__)
 
@@ -45,7 +45,7 @@ class MissionFile:
             return RunningMission(vehicle, digest, task_id, int(values.get("paused_at", 0)))
         except FileNotFoundError:
             return None
-        except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
+        except UNUSABLE as error:
             logs.event(_log, logging.WARNING, "mission_file_ignored", file=str(self.kept.path), why=repr(error))
             return None
 

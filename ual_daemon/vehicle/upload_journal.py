@@ -20,7 +20,7 @@ from ual.errors import RejectedByAutopilotError, UalError, WrongStateError
 from ual_daemon import logs
 from ual_daemon.backends.offers.missions import UNCHANGED
 from ual_daemon.backends.offers.parameters import Refusal
-from ual_daemon.frames.kept_file import KeptFile
+from ual_daemon.frames.kept_file import UNUSABLE, KeptFile
 
 T = TypeVar("T")
 
@@ -74,7 +74,7 @@ class JournalFile:
             self._written = [_entry(each) for each in json.loads(self.kept.read())]
         except FileNotFoundError:
             self._written = ()
-        except (OSError, ValueError, KeyError, TypeError, RecursionError, OverflowError) as error:
+        except UNUSABLE as error:
             logs.event(_log, logging.WARNING, "uploads_file_ignored", file=str(self.kept.path), why=repr(error))
         return list(self._written)
 
