@@ -87,7 +87,9 @@ class DjiTelemetry:
         self._battery: Battery | None = None
         self._home: GeoPoint | None = None
         self._home_altitude_m: float | None = None
-        """Of the ground at the first good fix, above mean sea level; None while it is not known."""
+        """Altitude above mean sea level of the ground on which its motors were started, at first of that at the first
+        good fix; None while it is not known.
+        """
         self._is_home_set = self._is_home_rejected = False
         self._motor_error = 0
         self._altitude: Reading[float] = readings.add(Valid.WHILE_HEARD)
@@ -220,6 +222,8 @@ class DjiTelemetry:
     def on_flight_status(self, message: Message, now_s: float) -> None:
         """Takes whether it stands, runs its motors on the ground, or flies."""
         status = int(number(message.get("flight_status", message.get("data"))))
+        if self._status.value == modes.STOPPED and status != modes.STOPPED:
+            self._home_altitude_m = None  # as other autopilots set home: it may have been carried to another field
         self._status.set(status, now_s)
         self.authority.note_status(status, now_s)
 

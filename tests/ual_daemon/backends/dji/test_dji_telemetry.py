@@ -90,6 +90,25 @@ def test_home_is_on_the_ground_also_where_the_daemon_was_started_in_the_air(
         assert telemetry.snapshot(NOW_S).earth.home_altitude_amsl_m == home_m
 
 
+def test_home_is_where_the_motors_were_started_last() -> None:
+    """It was carried to a field 50 m higher: 30 m above home were 20 m below that."""
+    telemetry = DjiTelemetry(next(each for each in WRAPPERS if not each.has_sea_level), DjiSettings())
+    place, now_s, found = {"latitude": 37.0, "longitude": -6.0}, NOW_S, []
+    telemetry.on_message("on_gps_level", {"data": 5}, now_s)
+    telemetry.on_message("on_attitude", {"quaternion": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}, now_s)
+    for status, altitude_m in (
+        (modes.STOPPED, 20.0),
+        (modes.STOPPED, 70.0),
+        (modes.ON_GROUND, 70.0),
+        (modes.IN_AIR, 99.0),
+    ):
+        now_s += 0.02
+        telemetry.on_message("on_flight_status", {"data": status}, now_s)
+        telemetry.on_message("on_position", {**place, "altitude": altitude_m}, now_s)
+        found.append(telemetry.snapshot(now_s).earth.home_altitude_amsl_m)
+    assert found == [20.0, 20.0, 70.0, 70.0]
+
+
 @pytest.mark.parametrize("quaternion", [(0.0, 0.0, 0.0, 0.0), (math.nan, 0.0, 0.0, 1.0), (2.0, 0.0, 0.0, 1.0)])
 def test_an_impossible_attitude_is_no_pose(quaternion: tuple[float, ...]) -> None:
     assert reported(on_attitude={"quaternion": dict(zip("xyzw", quaternion, strict=True))}).motion.pose is None
