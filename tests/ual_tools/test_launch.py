@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from typing_extensions import Self
 
 import ual
 from tests.conftest import LIMIT_S, daemon_environment, open_terminal
@@ -23,6 +24,7 @@ from tests.waiting import until, until_async
 from ual import discovery
 from ual.types import State, Telemetry
 from ual_daemon.flight import explanation
+from ual_tools.launch import flying
 from ual_tools.launch.descendants import all_below
 from ual_tools.launch.flying import SENDS_NOTHING, Watched
 from ual_tools.launch.log import TeamLog
@@ -342,6 +344,49 @@ def test_only_what_ual_flies_is_landed() -> None:
     flown.see(sample(State.LANDING))
     flown.see(sample(State.LANDED_ARMED))
     assert not flown.is_in_control
+
+
+class TakenClient:
+    """A client whose UAV is taken by others while a take-off comes to its end."""
+
+    def __init__(self, state: State) -> None:
+        self._state = state
+        self.calls: list[str] = []
+
+    async def __aenter__(self) -> Self:
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        return None
+
+    async def wait_for(self, *_: State, timeout_s: float) -> State:
+        del timeout_s
+        return self._state
+
+    async def telemetry(self) -> Telemetry:
+        return sample(self._state, "mode AUTO.RTL")
+
+    def lease(self, holder: str, *, take: bool) -> TakenClient:
+        self.calls.append(f"{holder} takes the lease: {take}")
+        return self
+
+    async def land(self, *, timeout_s: float) -> None:
+        self.calls.append(f"land within {timeout_s:g} s")
+
+
+@pytest.mark.parametrize(
+    ("state", "why"), [(State.FLYING_MANUAL, "others fly it by now"), (State.LANDED_DISARMED, None)]
+)
+def test_a_uav_that_others_take_before_it_is_landed_is_theirs(
+    state: State, why: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The pilot chooses RTL while a take-off ends: a landing would take it from him."""
+    client = TakenClient(state)
+    monkeypatch.setattr(flying, "_client", lambda *_: client)
+    flown = Watched("uav_1", lambda _: None)
+    flown.see(sample(State.TAKING_OFF))
+    assert asyncio.run(flying.land(flown, lambda: "127.0.0.1:1", 120.0)) == why
+    assert client.calls == []
 
 
 def test_the_reason_by_which_a_flight_is_not_ours_is_the_daemons() -> None:

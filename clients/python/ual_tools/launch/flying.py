@@ -86,8 +86,10 @@ async def land(watched: Watched, address: Callable[[], str | None], limit_s: flo
         if where is not None:
             try:
                 async with _client(watched.ns, where) as uav:
-                    if await uav.wait_for(*_DECIDED, timeout_s=left_s) in _ON_GROUND:
-                        return None
+                    await uav.wait_for(*_DECIDED, timeout_s=left_s)
+                    watched.see(await uav.telemetry())
+                    if not watched.is_in_control:  # it stands, or others have taken it meanwhile
+                        break
                     async with uav.lease(_HOLDER, take=True):  # the team's programs may have it
                         await uav.land(timeout_s=max(end_s - time.monotonic(), _LAND_RETRY_S))
             except DaemonUnreachableError:
@@ -97,7 +99,9 @@ async def land(watched: Watched, address: Callable[[], str | None], limit_s: flo
             else:
                 return None
         await asyncio.sleep(_LAND_RETRY_S)
-    return f"not on the ground after {limit_s:g} s" if watched.is_in_control else None
+    if watched.is_in_control:
+        return f"not on the ground after {limit_s:g} s"
+    return "others fly it by now" if watched.state in IN_THE_AIR else None
 
 
 async def abort(ns: str, address: str) -> str | None:
