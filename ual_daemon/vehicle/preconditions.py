@@ -67,9 +67,15 @@ class Preconditions(RefusalLog):
         client repeats must not lift it again.
 
         Raises:
-            WrongStateError: Others have flown it.
+            WrongStateError: Others have flown it, or it has landed in this moment.
 
         """
+        if self._flight.authority.is_landing_new:
+            raise WrongStateError(
+                f"{command}: the UAV has landed just now, and it is not known yet whether others have flown it: "
+                "command it again",
+                {"state": State.LANDED_ARMED.name, "command": command},
+            )
         if self._flight.authority.is_ground_theirs:
             raise WrongStateError(
                 f"{command}: others have flown the UAV since it was armed, so it stays on the ground until it was "

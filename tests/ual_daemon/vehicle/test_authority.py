@@ -318,3 +318,16 @@ def test_the_next_flight_knows_nothing_of_who_took_the_last_one(uav: Stepped) ->
     uav.run(0.1)
     assert uav.is_in(State.LANDED_DISARMED)
     assert uav.vehicle._flight.authority.taken == ""
+
+
+def test_a_landing_that_no_update_has_assessed_is_not_taken_off_again(
+    uav: Stepped, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A take-off that a client repeats came in the moment between the data and their update, and was accepted."""
+    uav.fly()
+    seen = uav.vehicle.backend.snapshot()
+    landed = changed(seen, landed=Sample(LandedState.ON_GROUND, seen.time_s))
+    monkeypatch.setattr(uav.vehicle.backend, "snapshot", lambda: landed)
+    assert uav.state is State.LANDED_ARMED
+    with pytest.raises(WrongStateError, match="whether others have flown it"):
+        uav.prepare.take_off(3.0)

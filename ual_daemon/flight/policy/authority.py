@@ -61,6 +61,11 @@ class Authority:
         self._is_blind = self._was_blind = False
         self._boot = 0
 
+    @property
+    def is_landing_new(self) -> bool:
+        """Whether no update has seen yet that it is on the ground, and so assessed who has landed it."""
+        return self._is_in_air
+
     def begin(self) -> None:
         """Notes that UAL is commanded. Called with the flight's lock held."""
         # Messages received by now were there when the command was assessed: a silence before it had already ended.
