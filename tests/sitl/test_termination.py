@@ -55,7 +55,7 @@ def test_a_termination_is_reported_and_its_advice_can_be_followed(
         told_s, reason = monotonic() - truth.fell_s, uav.telemetry().state_reason
         print(f"{pilot.autopilot}: told {told_s:.2f} s after the fall began: {reason}")
         assert told_s < TOLD_S
-        flight.wait_for(lambda: _lies(uav.telemetry()), "that it lies", LIES_S)
+        flight.wait_for(lambda: _lies(uav.telemetry()) and truth.is_down, "that it lies", LIES_S)
         print(f"{pilot.autopilot}: {uav.state().name}: {uav.telemetry().state_reason}")
         assert not _advises_what_is_refused(uav.telemetry())
         if uav.state() is not State.LANDED_DISARMED:
@@ -66,7 +66,7 @@ def test_a_termination_is_reported_and_its_advice_can_be_followed(
     with ual.Uav(address=second.address) as uav:
         flight = Flight(uav, pilot)
         flight.wait_for(lambda: uav.state() is not State.UNINITIALIZED, "a state")
-        flight.wait_for(lambda: _lies(uav.telemetry()), "that it lies, by the next daemon", LIES_S)
+        flight.wait_for(lambda: _lies(uav.telemetry()) and truth.is_down, "that it lies, by the next daemon", LIES_S)
         print(f"{pilot.autopilot}, next daemon: {uav.state().name}: {uav.telemetry().state_reason}")
         assert not _advises_what_is_refused(uav.telemetry())
 

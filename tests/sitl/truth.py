@@ -12,6 +12,7 @@ from ual_daemon.backends.mavlink.wire.messages import Message
 
 FALLS_M_S = 3.0
 """Faster than any descent of these flights."""
+_NEAR_GROUND_M, _AT_REST_M_S = 1.0, 0.3
 _RATE_HZ = 20.0
 _LATITUDE_M = 111_195.0
 
@@ -32,6 +33,11 @@ class Truth:
         is_px4 = self._pilot.autopilot == "PX4"
         wanted = mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION if is_px4 else mavlink.MAVLINK_MSG_ID_SIM_STATE
         self._pilot.listen(wanted, _RATE_HZ, self._take)
+
+    @property
+    def is_down(self) -> bool:
+        """Whether it is at rest near the ground."""
+        return self.height_m < _NEAR_GROUND_M and abs(self.down_m_s) < _AT_REST_M_S
 
     def distance_m(self, place_deg: tuple[float, float]) -> float:
         """Returns the distance from a place on Earth, latitude and longitude, along the ground."""
