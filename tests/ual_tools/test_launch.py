@@ -380,7 +380,7 @@ class TakenClient:
 def test_a_uav_that_others_take_before_it_is_landed_is_theirs(
     state: State, why: str | None, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """The pilot chooses RTL while a take-off ends: a landing would take it from him."""
+    """The pilot chooses RTL while a take-off ends: a landing would end that."""
     client = TakenClient(state)
     monkeypatch.setattr(flying, "_client", lambda *_: client)
     flown = Watched("uav_1", lambda _: None)

@@ -38,7 +38,7 @@ def then_wait(first: Future[S], step: Callable[[S], Future[T]]) -> Future[T]:
             last = Future()
             last.set_exception(error)
         running.append(last)
-        if result.cancelled():  # while the step began it: whoever cancels sees only what is in progress by then
+        if result.cancelled():  # while the step began it, so that `on_result` did not see it
             last.cancel()
         last.add_done_callback(lambda ended: _end_as(ended, result))
 

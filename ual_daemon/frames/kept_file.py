@@ -13,7 +13,7 @@ from ual_daemon import logs
 from ual_daemon.frames import small_file
 
 UNUSABLE = (OSError, ValueError, KeyError, TypeError, RecursionError, OverflowError)
-"""What reading a kept file and making values of its JSON raises, whatever is in it: a daemon starts without it."""
+"""Errors of a kept file that cannot be read or used, whatever is in it: a daemon starts without it."""
 
 _log = logging.getLogger(__name__)
 

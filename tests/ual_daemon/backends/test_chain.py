@@ -44,7 +44,7 @@ def test_cancelling_goes_both_directions() -> None:
 
 
 def test_what_a_step_has_begun_while_its_result_was_cancelled_is_cancelled() -> None:
-    """The caller gives up on one thread, while another one begins the next command for him."""
+    """The caller gives up on one thread, while another one begins the next command."""
     first: Future[int] = Future()
     last: Future[int] = Future()
 

@@ -12,7 +12,7 @@ from ual_daemon.backends.crazyflie.packets import CrtpPacket
 MOST_PACKETS = 64
 """Most packets that wait; of more the oldest are lost."""
 OLDEST_PACKET_S = 0.5
-"""A packet that had to wait for longer is lost: whoever sent it repeats it, or has given up. A radio that blocks would
+"""A packet that had to wait for longer is lost: its sender repeats it, or has given up. A radio that blocks would
 else arm, land or stop the motors of a UAV that was told so half a minute ago.
 """
 OLDEST_POSE_S = 0.2

@@ -87,8 +87,8 @@ class DjiTelemetry:
         self._battery: Battery | None = None
         self._home: GeoPoint | None = None
         self._home_altitude_m: float | None = None
-        """Altitude above mean sea level of the ground on which its motors were started, at first of that at the first
-        good fix; None while it is not known.
+        """Altitude above mean sea level of the ground where the motors started last, at first where the first good fix
+        was; None while it is not known.
         """
         self._is_home_set = self._is_home_rejected = False
         self._motor_error = 0
