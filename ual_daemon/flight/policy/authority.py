@@ -63,7 +63,7 @@ class Authority:
 
     @property
     def is_landing_new(self) -> bool:
-        """Whether no update has seen yet that it is on the ground, and so assessed who has landed it."""
+        """Whether no update has seen yet that it is on the ground, and so assessed by whose command it landed."""
         return self._is_in_air
 
     def begin(self) -> None:
