@@ -19,6 +19,15 @@ pytestmark = [pytest.mark.sitl, pytest.mark.timeout(300)]
 
 TOLD_S = 1.0
 SPEED_M_S, OVER = 2.0, 1.25
+MISSION_MODES = {"PX4": "AUTO.MISSION", "ArduCopter": "AUTO"}
+ENTERED_S = 5.0
+"""Longest from a start or resume to that mode: PX4 reports once a second which item is its current one."""
+
+
+def _wait_for_its_mode(flight: Flight) -> None:
+    mode = MISSION_MODES[flight.pilot.autopilot]
+    took_s = flight.wait_for(lambda: flight.uav.telemetry().flight_mode == mode, mode, ENTERED_S)
+    print(f"{flight.pilot.autopilot}: {mode} after {took_s:.2f} s")
 
 
 def _stages(flight: Flight, duration_s: float, is_over: Callable[[], bool] = lambda: False) -> set[MissionStage]:
@@ -39,10 +48,12 @@ def test_its_stage_is_that_of_what_flies(flight: Flight, uav: UAL) -> None:
     flight.take_off()
     uav.mission.upload([*waypoints(flight, 1, 0, 1)])
     task = uav.task(uav.mission.start().id)
+    _wait_for_its_mode(flight)
     assert _stages(flight, 3.0) == {MissionStage.ACTIVE}
     uav.mission.pause()
     assert _stages(flight, 4.0) == {MissionStage.PAUSED}
     uav.mission.resume()
+    _wait_for_its_mode(flight)
     assert _stages(flight, 4.0) == {MissionStage.ACTIVE}
     uav.abort()
     with pytest.raises(TaskAbortedError):
