@@ -47,7 +47,6 @@ class Autopilot:
     mode: str = ""
     held_by: Cause | None = None
     failsafe: Cause | None = None
-    has_position: bool = True
 
     def now_s(self) -> float:
         return self.time_s
@@ -65,7 +64,7 @@ class Autopilot:
                 held_by=self.held_by,
             ),
             motion=MotionState(
-                estimator=Sample(Estimator(self.has_position), heard_s),
+                estimator=Sample(Estimator(True), heard_s),
                 pose=Sample(Pose(Vector3(1.0, 2.0, self.z), Quaternion.from_yaw(self.yaw_rad)), heard_s),
                 velocity=Sample(Twist(Vector3(self.drift_m_s, 0.0, self.climb_m_s)), heard_s),
             ),

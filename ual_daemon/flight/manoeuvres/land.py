@@ -170,13 +170,10 @@ class LandManoeuvre(Landing):
             self._command.send(self._send, snapshot)
 
     def _left_blind(self, lost: UalError, snapshot: Snapshot) -> UalError:
-        """Returns the error where it is not seen any more. A command that waits for the braking leaves all the same,
-        unless others have taken the UAV meanwhile.
-        """
+        """Returns the error where it is not seen any more. A command that waits for the braking leaves all the same."""
         if self._is_landing:
             return _goes_on(lost)
-        mode = snapshot.control.mode
-        if self.brakes_first and mode is not None and mode.value.control is Control.REFERENCES:
+        if self.brakes_first:
             self._send_first(snapshot)
         return self._command.left_behind(lost)
 

@@ -4,18 +4,14 @@ from __future__ import annotations
 
 from concurrent.futures import Future
 
-import pytest
-
 from tests.ual_daemon.flight.hand_made import Autopilot, sent
 from ual.errors import LinkLostError, RejectedByAutopilotError, TaskAbortedError, UalTimeoutError
 from ual.geometry import Vector3
-from ual.types import Limits, TaskKind
+from ual.types import TaskKind
 from ual_daemon.backends.values import Control, LandedState, PositionSetpoint
-from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.manoeuvres.land import LandManoeuvre
 from ual_daemon.flight.manoeuvres.manoeuvre import Step
-from ual_daemon.tracker.references import Hold, StopOnTrajectory, TrajectoryReference
-from ual_daemon.trajectory import Brake, Motion
+from ual_daemon.tracker.references import Hold
 
 
 def land(autopilot: Autopilot, ack: Future[None]) -> LandManoeuvre:
@@ -125,30 +121,6 @@ def test_a_landing_that_was_not_answered_before_a_silence_may_still_come(flying:
     assert "may still be executed" in str(flying.step(landing).error)
     assert "executed" not in str(flying.step(answered).error)
     assert "executed" not in str(flying.step(begun).error)
-
-
-@pytest.mark.parametrize(("control", "is_to_land"), [(Control.REFERENCES, True), (Control.OTHER, False)])
-def test_a_landing_that_brakes_first_is_commanded_where_the_position_is_lost_unless_others_took_it(
-    flying: Autopilot, ack: Future[None], control: Control, *, is_to_land: bool
-) -> None:
-    """The pilot's mode may come with the loss of the position: it was sent over that mode."""
-    flying.drift_m_s = 8.0
-    way = TrajectoryReference(
-        Brake(Motion(Vector3(1.0, 2.0, 4.0), 0.5, Vector3(8.0, 0.0, 0.0)), Limits()), flying.time_s
-    )
-    reference, sends = StopOnTrajectory(way, lambda *_: None), list[Future[None]]()
-
-    def send() -> Future[None]:
-        sends.append(ack)
-        return ack
-
-    task, command = flying.task(TaskKind.LAND), AutopilotCommand("land")
-    landing = LandManoeuvre(task, command, reference, flying.snapshot(), send=send)
-    assert flying.step(landing).setpoint is not None
-    assert not sends
-    flying.control, flying.has_position = control, False
-    assert flying.step(landing).error is not None
-    assert bool(sends) is is_to_land
 
 
 def test_a_landing_that_is_refused_says_what_can_be_done(flying: Autopilot, ack: Future[None]) -> None:
