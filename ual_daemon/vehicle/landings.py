@@ -65,7 +65,7 @@ class Landings:
         landing = LandManoeuvre(
             task, command, reference, snapshot, name, on_height, has_safety_pilot=has_pilot, send=send
         )
-        return Handover(landing) if landing.brakes_first else Handover(landing, partial(command.send, send, snapshot))
+        return Handover(landing, partial(command.send, self._send, snapshot))
 
     def _send(self) -> Future[None]:
         return self._backend.land(self._flight.limits.get())

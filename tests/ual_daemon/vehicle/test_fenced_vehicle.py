@@ -216,26 +216,7 @@ def pass_time_limit(uav: Stepped) -> None:
 def test_a_stop_before_a_corner_at_the_edge_comes_to_rest_along_the_path(
     flown_m: float, stop: Callable[[Stepped], object], again: Callable[[Stepped], object]
 ) -> None:
-    with before_corner(flown_m) as (uav, is_inside):
-        stop(uav)
-        uav.run(0.2)
-        again(uav)
-        for _ in range(round(8.0 / STEP_S)):
-            uav.run(STEP_S)
-            reference = uav.vehicle.telemetry().reference_pose
-            assert reference is not None
-            assert is_inside(reference.position)
-            assert is_inside(uav.pose.position)
-        assert uav.speed < 0.05
-        assert uav.pose.position.x < 90.0  # before the end of the path
-        uav.end(uav.prepare.go_to_waypoint(at(0.0, 5.0, 3.0)).begin().future)
-
-
-@contextlib.contextmanager
-def before_corner(flown_m: float) -> Iterator[tuple[Stepped, Callable[[Vector3], bool]]]:
-    """Flies before a corner of 30 degrees at 10 m/s: straight ahead, it would brake outside. Yields with the UAV
-    whether a point is inside.
-    """
+    """A corner of 30 degrees at 10 m/s: straight ahead, it would brake outside."""
     slope = math.tan(math.radians(30.0))
     edge = tuple((x, max(0.0, (x - 60.0) * slope) - 0.5) for x in (-10.0, 60.0, 200.0))
     fence = GeofenceSettings(polygon=(*edge, (200.0, 200.0), (-10.0, 200.0)))
@@ -245,7 +226,18 @@ def before_corner(flown_m: float) -> Iterator[tuple[Stepped, Callable[[Vector3],
         path = [at(60.0, 0.0, 3.0), at(100.0, 40.0 * slope, 3.0)]
         uav.prepare.follow_path(path, corner_radius_m=30.0).begin()
         uav.until(lambda: uav.pose.position.x >= flown_m)
-        yield uav, lambda point: point.y >= max(0.0, (point.x - 60.0) * slope) - 0.55
+        stop(uav)
+        uav.run(0.2)
+        again(uav)
+        for _ in range(round(8.0 / STEP_S)):
+            uav.run(STEP_S)
+            reference = uav.vehicle.telemetry().reference_pose
+            assert reference is not None
+            for point in (reference.position, uav.pose.position):
+                assert point.y >= max(0.0, (point.x - 60.0) * slope) - 0.55
+        assert uav.speed < 0.05
+        assert uav.pose.position.x < 90.0  # before the end of the path
+        uav.end(uav.prepare.go_to_waypoint(at(0.0, 5.0, 3.0)).begin().future)
 
 
 def test_what_makes_no_headway_holds_where_it_is_and_is_not_led_on() -> None:
@@ -262,17 +254,6 @@ def test_what_makes_no_headway_holds_where_it_is_and_is_not_led_on() -> None:
         assert held is not None
         assert held.position.x == pytest.approx(uav.pose.position.x, abs=0.15)
         assert held.position.x < before.position.x - 0.05
-
-
-def test_a_landing_before_a_corner_at_the_edge_first_brakes_along_the_path() -> None:
-    """The autopilot's own landing braked straight ahead, 3 to 4 m outside."""
-    with before_corner(50.0) as (uav, is_inside):
-        landing = uav.prepare.land().begin()
-        for _ in range(round(20.0 / STEP_S)):
-            uav.run(STEP_S)
-            assert is_inside(uav.pose.position)
-        landing.future.result(0)
-        assert uav.state is State.LANDED_DISARMED
 
 
 @pytest.mark.parametrize("stop", [abort, move_estimate], ids=["abort", "the position jumps"])

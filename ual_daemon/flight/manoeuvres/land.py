@@ -27,11 +27,9 @@ from ual_daemon.flight.policy.jumps import EstimateJump
 from ual_daemon.flight.policy.touch_down import TouchDown
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import VehicleTask
-from ual_daemon.tracker.references import Reference, StopOnTrajectory, measured_motion
+from ual_daemon.tracker.references import Reference, measured_motion
 
 SLOWEST_LANDING_M_S = 0.2
-_SLOW_M_S, _LONGEST_BRAKING_S = 1.0, 10.0
-"""Speed from which an autopilot brakes within some tenths of a metre, and the longest that UAL brakes before that."""
 _REFUSED = "the UAV holds its position: command land again, or let the safety pilot land it by hand"
 _REFUSED_WITHOUT_PILOT = "the UAV holds its position: command land again"
 _STUCK = (
@@ -129,16 +127,9 @@ class LandManoeuvre(Landing):
         has_safety_pilot: bool = True,
         send: Callable[[], Future[None]] | None = None,
     ) -> None:
-        """`send` sends the command again, in a mode to which UAL itself has led; None where there is no such mode.
-
-        It sends it first, too, where UAL brakes before that.
-        """
+        """`send` sends the command again, in a mode to which UAL itself has led; None where there is no such mode."""
         super().__init__(task, reference, start, name, on_height, has_safety_pilot=has_safety_pilot)
         self._send = send
-        self.brakes_first = send is not None and isinstance(reference, StopOnTrajectory)
-        """Whether the command waits until the UAV is slow: straight ahead, as the autopilot brakes, it would leave the
-        geofence.
-        """
         self._led_to: LedTo = super().led_to
         self._command = self.command = command
         self._is_landing = False
@@ -156,27 +147,6 @@ class LandManoeuvre(Landing):
             self._command = self.command = AutopilotCommand(self._command.what)
             self._command.send(self._send)
 
-    def _brakes(self, snapshot: Snapshot) -> bool:
-        """Returns whether it brakes along its way yet. Sends the command once it has."""
-        is_late = snapshot.time_s - self._begun_s > _LONGEST_BRAKING_S
-        if not is_late and measured_motion(snapshot).velocity.norm() > _SLOW_M_S:
-            return True
-        self._send_first(snapshot)
-        return False
-
-    def _send_first(self, snapshot: Snapshot) -> None:
-        self.brakes_first = False
-        if self._send is not None:
-            self._command.send(self._send, snapshot)
-
-    def _left_blind(self, lost: UalError, snapshot: Snapshot) -> UalError:
-        """Returns the error where it is not seen any more. A command that waits for the braking leaves all the same."""
-        if self._is_landing:
-            return _goes_on(lost)
-        if self.brakes_first:
-            self._send_first(snapshot)
-        return self._command.left_behind(lost)
-
     @override
     def await_cause(self, snapshot: Snapshot) -> None:
         mode = snapshot.control.mode
@@ -187,7 +157,7 @@ class LandManoeuvre(Landing):
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
         lost = why_blind(estimate, self.name)
         if lost is not None:
-            return failed(self._left_blind(lost, snapshot))
+            return failed(_goes_on(lost) if self._is_landing else self._command.left_behind(lost))
         if estimate.state in (State.LANDED_ARMED, State.LANDED_DISARMED):
             return Step(has_ended=self._touch_down.has_landed(snapshot, estimate))
         assert snapshot.control.mode is not None
@@ -202,8 +172,6 @@ class LandManoeuvre(Landing):
                     return taken(snapshot, self.name)  # first: the command may have failed because of that
                 if is_own:
                     self._begin_anew(snapshot)
-            elif self.brakes_first and self._reference is not None and self._brakes(snapshot):
-                return Step(self._reference.setpoint(snapshot))
             elif (failure := self._command.failure(snapshot)) is not None:
                 return failed(with_advice(failure, self._refused))
             elif self._reference is not None:  # it must not lose its references before it lands by itself
