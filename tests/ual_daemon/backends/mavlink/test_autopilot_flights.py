@@ -185,7 +185,7 @@ def test_a_flight_is_completed_over_a_bad_link(kind: str, seed: int) -> None:
         flight.land()
         statistics = flight.backend.link_statistics()
         assert statistics.loss == pytest.approx(1.0 - 0.7 * 0.9, abs=0.06)
-        assert statistics.corrupt_count > 60
+        assert statistics.corrupt_count > 100
     finally:
         flight.link.down = flight.link.up = Faults()
         flight.uav.close()
