@@ -30,25 +30,6 @@ _BATCH = 64
 """Datagrams that are received at once."""
 
 
-_WAITS = {
-    # In fast time the autopilot would disarm before a caller takes off.
-    "COM_DISARM_PRFLT": 60.0,
-    "DISARM_DELAY": 60.0,
-    # Landings were a fifth of the steps of all flights.
-    "LAND_SPEED": 150.0,
-    "MPC_LAND_SPEED": 1.5,
-}
-"""Parameters of PX4 and ArduPilot, by name, of a stepped autopilot whose test has not set them."""
-
-
-def shorten_waits(autopilot: Autopilot) -> None:
-    """Lets a simulated autopilot wait for a take-off, and land two to three times as fast."""
-    defaults = autopilot.default_parameters()
-    for name in _WAITS.keys() & defaults.keys():
-        if autopilot.parameters[name] == defaults[name]:
-            autopilot.parameters[name] = _WAITS[name]
-
-
 class LockstepBackend(MavlinkBackend):
     """Flies a simulated autopilot with the single link `port`, and offers its safety pilot."""
 
@@ -59,7 +40,10 @@ class LockstepBackend(MavlinkBackend):
         settings = {"pose_rate_hz": POSE_RATE_HZ, **options.settings}
         super().__init__(BackendOptions(options.ns, "udpout://127.0.0.1:1", settings))  # nothing is sent there
         self.autopilot = autopilot
-        shorten_waits(autopilot)
+        # In fast time the autopilot would disarm before a caller takes off.
+        for name in ("COM_DISARM_PRFLT", "DISARM_DELAY"):
+            if name in autopilot.parameters:
+                autopilot.parameters[name] = 60.0
         self.clock = _Clock(autopilot)
         self._port = port
         self._speed = speed

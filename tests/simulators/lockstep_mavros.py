@@ -8,7 +8,7 @@ from typing_extensions import override
 
 from tests.simulators.ardupilot import ArduPilot
 from tests.simulators.autopilot import STEP_S, Autopilot
-from tests.simulators.lockstep import POSE_RATE_HZ, shorten_waits
+from tests.simulators.lockstep import POSE_RATE_HZ
 from tests.simulators.mavros import BEGIN_UTC_S, Mavros
 from tests.simulators.memory_transport import MemoryTransport
 from tests.simulators.pace import Pace
@@ -38,7 +38,10 @@ class LockstepMavros(MavrosBackend):
         settings = {"pose_rate_hz": POSE_RATE_HZ, **options.settings}
         super().__init__(BackendOptions(options.ns, "rosbridge://127.0.0.1:9", settings))
         self.autopilot = autopilot
-        shorten_waits(autopilot)
+        # In fast time the autopilot would disarm before a caller takes off.
+        for name in ("COM_DISARM_PRFLT", "DISARM_DELAY"):
+            if name in autopilot.parameters:
+                autopilot.parameters[name] = 60.0
         self.node = Mavros(autopilot, port, ros=ros, has_gps_status=ros == 2)
         self.bridge = Bridge(ros, [self.node])
         self.bridge.groups = self.node.groups

@@ -396,7 +396,6 @@ def test_a_ground_station_that_ends_a_landing_by_guided_is_reported_as_others_an
     try:
         autopilot, uav = flight.autopilot, flight.uav
         assert isinstance(autopilot, ArduPilot)
-        autopilot.parameters["LAND_SPEED"] = 50.0  # it is well above the ground when the station takes it
         flight.take_off()
         task = uav.land(blocking=False)
         flight.wait_for(lambda: uav.telemetry().flight_mode == "LAND", "its landing")
