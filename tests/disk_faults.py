@@ -73,7 +73,7 @@ class Disk:
         faults: dict[str, tuple[Callable[[], object], Callable[[], object]]] = {
             FULL: (self._fill, (self._mount / "filler").unlink),
             READ_ONLY: (partial(self._mounted, "-o", "remount,ro"), partial(self._mounted, "-o", "remount,rw")),
-            REMOVED: (partial(shutil.rmtree, self.directory), self._make),
+            REMOVED: (self._remove, self._make),
             MOVED: (partial(self.directory.rename, self._mount / "elsewhere"), self._make),
             NO_DESCRIPTOR: (_take_descriptors, _give_descriptors),
         }
@@ -89,6 +89,11 @@ class Disk:
 
     def _mounted(self, *arguments: str) -> None:
         subprocess.run(["mount", *arguments, self._mount], check=True)
+
+    def _remove(self) -> None:
+        """Removes the folder. A program that writes may make a file in it while it is emptied."""
+        while self.directory.exists():
+            shutil.rmtree(self.directory, ignore_errors=True)
 
     def _make(self) -> None:
         self.directory.mkdir(exist_ok=True)

@@ -406,9 +406,9 @@ def test_a_ground_station_that_ends_a_landing_by_guided_is_reported_as_others_an
             task.wait(LIMIT_S)
         assert caught.value.metadata["state"] == State.FLYING_AUTO.name
         assert "recover_from_manual" not in caught.value.message
-        flight.wait_for_state(State.FLYING_AUTO)
-        reason = uav.telemetry().state_reason
-        assert reason.endswith("; others took it (mode GUIDED): UAL sends nothing until it is commanded anew")
+        others = "; others took it (mode GUIDED): UAL sends nothing until it is commanded anew"
+        flight.wait_for(lambda: uav.telemetry().state_reason.endswith(others), "that it is theirs")
+        assert uav.state() is State.FLYING_AUTO
         uav.go_to_waypoint(flight.goal(2.0, 0.0))
     finally:
         flight.uav.close()
