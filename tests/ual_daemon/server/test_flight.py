@@ -227,7 +227,7 @@ def test_a_reader_that_never_reads_holds_up_nobody_at_shutdown(fast_daemon: Daem
     next(answer for answer in quick if answer.telemetry.sequence > first + 5000)
     fast_daemon.signal(signal.SIGTERM)
     assert fast_daemon.wait() == 0
-    # What lies unread in the daemon's socket at its end has the system reset the connection, which may come first.
+    # Bytes that lie unread in the daemon's socket at its end make the system reset the connection, perhaps first.
     with pytest.raises(grpc.RpcError, match=r"the daemon is shutting down|Connection reset by peer"):
         list(stuck)
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from ual.missions import checks, commands
 from ual.missions.items import Item, Waypoint
 from ual.routes import _plan, _wpl
-from ual.routes._files import MOST_BYTES, RouteError, _document, _text
+from ual.routes._files import MOST_BYTES, _document, _text, content
 from ual.routes._files import parse as parse_route
 from ual.routes._route import FaultError, Route, naming
 from ual.types import AltitudeReference, GeoWaypoint
@@ -43,13 +43,7 @@ def read(
         RouteError: The file cannot be read, or has what a mission cannot have; the item is named.
 
     """
-    file = Path(file)
-    try:
-        with file.open("rb") as opened:
-            data = opened.read(MOST_BYTES + 1)
-    except OSError as error:
-        raise RouteError(f"cannot read {file}: {error.strerror}") from None
-    return parse(data, str(file), altitude_m=altitude_m, altitude_reference=altitude_reference)
+    return parse(content(file), str(Path(file)), altitude_m=altitude_m, altitude_reference=altitude_reference)
 
 
 def parse(

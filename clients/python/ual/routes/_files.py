@@ -57,13 +57,8 @@ def read(
     Raises:
         RouteError: The file cannot be read or contains no valid route.
     """
-    file = Path(file)
-    try:
-        with file.open("rb") as opened:
-            data = opened.read(MOST_BYTES + 1)
-    except OSError as error:
-        raise RouteError(f"cannot read {file}: {error.strerror}") from None
-    return parse(data, str(file), frame_id=frame_id, altitude_m=altitude_m, altitude_reference=altitude_reference)
+    data = content(file)
+    return parse(data, str(Path(file)), frame_id=frame_id, altitude_m=altitude_m, altitude_reference=altitude_reference)
 
 
 def parse(
@@ -93,6 +88,20 @@ def parse(
         if not found.waypoints:
             raise FaultError("has no waypoints to fly to")
     return found
+
+
+def content(file: Path | str) -> bytes:
+    """Returns the content of a file, at most one byte more than a file may have.
+
+    Raises:
+        RouteError: The file cannot be read.
+    """
+    file = Path(file)
+    try:
+        with file.open("rb") as opened:
+            return opened.read(MOST_BYTES + 1)
+    except OSError as error:
+        raise RouteError(f"cannot read {file}: {error.strerror}") from None
 
 
 def _text(data: bytes) -> str:
