@@ -9,6 +9,7 @@ from contextlib import ExitStack
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import NamedTuple, TypeVar
+from unittest.mock import patch
 
 import grpc
 
@@ -18,7 +19,7 @@ from tests.work.memory_calls import MemoryCall, MemoryTransport
 from ual.access.roles import Role
 from ual.access.tokens import Token, hashed
 from ual.geometry import Vector3
-from ual.recording.recorder import Turnover
+from ual.recording.recorder import SteadyUtc, Turnover
 from ual.v1 import ual_pb2 as pb
 from ual_daemon import UAL
 from ual_daemon.program.recording.audit import Audit
@@ -97,6 +98,8 @@ async def _serve(fly: Callable[[Served], T], directory: Path, *, has_all: bool) 
     with ExitStack() as stack:
         uav = stack.enter_context(stepped(CORNER.settings))
         uav.update_each_step()
+        # What is recorded once in so many seconds is so in the time of the flight, however busy the computer is.
+        stack.enter_context(patch.object(SteadyUtc, "now_ns", lambda _: round(uav.vehicle.clock.now_s() * 1e9)))
         observers = _observers(uav.vehicle, directory, stack) if has_all else []
         transport, access = MemoryTransport(), _access() if has_all else None
         server = Server(uav.vehicle, transport, observers=observers, access=access)
