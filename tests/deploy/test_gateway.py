@@ -5,17 +5,21 @@ from __future__ import annotations
 import os
 import shutil
 import socket
+import ssl
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
+from http.client import HTTPSConnection
 from pathlib import Path
 from typing import Any
 
 import grpc
 import pytest
 from click.testing import CliRunner, Result
+from cryptography import x509
+from cryptography.x509.oid import NameOID
 from grpc_health.v1 import health_pb2, health_pb2_grpc
 
 import ual
@@ -373,6 +377,47 @@ def test_it_passes_on_the_name_in_a_callers_certificate(
                 continue
             with pytest.raises(ual.PermissionDeniedError if name == "observer" else ual.UnauthenticatedError):
                 uav.set_home()
+
+
+@pytest.mark.parametrize(
+    ("subject", "name"),
+    [
+        ([("CN", "pilot.a-1@x_y")], "pilot.a-1@x_y"),
+        ([("O", "a team"), ("CN", "pilot")], "pilot"),
+        ([("CN", "pilot"), ("O", "a team")], "pilot"),
+        ([("CN", "pilot"), ("O", "x,CN=commander")], "pilot"),
+        ([("CN", "pilot"), ("O", r"x\,CN=commander")], "pilot"),
+        ([("O", "x,CN=commander"), ("CN", "pilot")], "pilot"),
+        ([("CN", "commander,x")], ""),
+        ([("CN", "x,CN=commander")], ""),
+        ([("CN", "commander\nx")], ""),
+        ([("CN", "commander+x")], ""),
+        ([("CN", "kommandör")], ""),
+        ([("CN", "pilot"), ("CN", "commander")], ""),
+        ([("O", "x")], ""),
+    ],
+)
+def test_only_a_plain_common_name_is_a_callers_name(
+    start_gateway: StartGateway, made: Made, monkeypatch: pytest.MonkeyPatch, subject: list[tuple[str, str]], name: str
+) -> None:
+    kinds = {"CN": NameOID.COMMON_NAME, "O": NameOID.ORGANIZATION_NAME}
+    written = x509.Name([x509.NameAttribute(kinds[kind], value) for kind, value in subject])
+    monkeypatch.setattr(certificates, "_subject", lambda _: written)
+    mine = certificates.make_caller(made.directory, "odd", 1.0)
+    pair = certificates.files(made.directory, "uav_1")
+
+    def with_callers(text: str) -> str:
+        files = f"ssl_certificate {pair.certificate}; ssl_certificate_key {pair.key};"
+        callers = f"ssl_client_certificate {made.authority}; ssl_verify_client on;"
+        shown = "location = /who { return 200 $certificate; }"
+        return text.replace("listen 127.0.0.1:50050 http2", f"{files} {callers} {shown} listen 127.0.0.1:50050 ssl")
+
+    context = ssl.create_default_context(cafile=str(made.authority))
+    context.check_hostname = False
+    context.load_cert_chain(mine.certificate, mine.key)
+    with closing(HTTPSConnection(start_gateway({}, with_callers), context=context, timeout=LIMIT_S)) as connection:
+        connection.request("GET", "/who")
+        assert connection.getresponse().read().decode() == name
 
 
 def test_a_daemon_that_dies_during_a_call_is_unreachable_to_the_python_client(
