@@ -264,7 +264,8 @@ class Calls:
 
     def has_request(self, answer: CallAnswer) -> None:
         """Removes an answer whose request has come, or will not come any more."""
-        self._without_request.pop(answer, None)
+        with self._lock:  # others go through all of them
+            self._without_request.pop(answer, None)
 
     def require_room(self, method: str, who: Caller) -> None:
         """Refuses a call of a method of which too many of the same caller are in progress.

@@ -504,6 +504,27 @@ def test_a_call_that_ended_before_it_was_read_is_not_taken_for_that_of_a_strange
     asyncio.run(run())
 
 
+def test_a_request_that_comes_while_late_ones_are_searched_changes_nothing_under_the_search() -> None:
+    class Watched(dict[Any, float]):
+        """Waiting calls; each change needs the lock."""
+
+        def __init__(self, lock: threading.Lock) -> None:
+            super().__init__()
+            self._lock = lock
+
+        @override
+        def pop(self, key: object, *default: Any) -> Any:
+            assert self._lock.locked()
+            return super().pop(key, *default)
+
+    async def run() -> None:
+        calls = Calls("uav_1", shutdown_refuses=())
+        calls._without_request = Watched(calls._lock)
+        calls.has_request(cast("Any", object()))
+
+    asyncio.run(run())
+
+
 def pose_outside() -> pb.ExternalPose:
     pose = pb.Pose(position=pb.Vector3(x=1.0), orientation=pb.Quaternion(w=1.0))
     return pb.ExternalPose(pose=pb.PoseStamped(pose=pose), position_std_dev_m=0.005)
