@@ -39,32 +39,48 @@ def access(settings: DaemonSettings) -> Access:
         known_tokens = WatchedFile(Path(settings.tokens), "tokens", tokens.read, is_secret=True)
     if settings.roles is None:
         return Access(known_tokens=known_tokens)
-    found = WatchedFile(Path(settings.roles), "roles", read_roles, is_secret=False)
+    found = WatchedFile(Path(settings.roles), "roles", RolesReader().read, is_secret=False)
     return Access(lambda: found.value, known_tokens)
 
 
-def read_roles(data: bytes) -> Roles:
-    """Reads a roles file.
-
-    Raises:
-        ValueError: It is none; the message says where it is wrong.
-
+class RolesReader:
+    """Reads a roles file, each time that it has changed. One that has lost a key is refused: it may be cut, and local
+    callers would become commanders.
     """
-    from ual_daemon.program import configuration_yaml  # imported late: most daemons need no YAML
 
-    if not data.strip():  # as while it is copied: local callers would become commanders
-        raise ValueError("it is empty")
-    try:
-        values = configuration_yaml.read_text(data)
-        file = convert(values, _RolesFile)
-        return Roles(
-            certificates=_named(file.certificates, "certificates"),
-            tokens=_named(file.tokens, "tokens"),
-            local=_role(file.local, "local"),
-            nobody=_role(file.nobody, "nobody"),
-        )
-    except (ConfigurationError, ConfigError) as error:
-        raise ValueError(str(error)) from None
+    def __init__(self) -> None:
+        self._keys: frozenset[str] = frozenset()
+
+    def read(self, data: bytes) -> Roles:
+        """Reads the file.
+
+        Raises:
+            ValueError: It is none; the message says where it is wrong.
+
+        """
+        from ual_daemon.program import configuration_yaml  # imported late: most daemons need no YAML
+
+        if not data.strip():  # as while it is copied
+            raise ValueError("it is empty")
+        try:
+            values = configuration_yaml.read_text(data)
+            roles = _roles(convert(values, _RolesFile))
+        except (ConfigurationError, ConfigError) as error:
+            raise ValueError(str(error)) from None
+        lost = sorted(self._keys - values.keys())
+        if lost:
+            raise ValueError(f"it has no {lost[0]} any more, so it may be cut: write that key as well, or restart")
+        self._keys = frozenset(values)
+        return roles
+
+
+def _roles(file: _RolesFile) -> Roles:
+    return Roles(
+        certificates=_named(file.certificates, "certificates"),
+        tokens=_named(file.tokens, "tokens"),
+        local=_role(file.local, "local"),
+        nobody=_role(file.nobody, "nobody"),
+    )
 
 
 def _named(names: Mapping[str, str], section: str) -> dict[str, Role]:

@@ -9,7 +9,7 @@ import stat
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Generic, TypeVar
+from typing import Generic, NamedTuple, TypeVar
 
 from ual.shared import bounded_file
 from ual_daemon import logs
@@ -21,13 +21,26 @@ _log = logging.getLogger(__name__)
 
 _POLL_S = 0.2
 """Seconds between two checks whether the file has changed."""
+_SETTLED_S = 1.0
+"""Seconds for which a changed file must not have changed again before it is read. Before, it may be half-written: cut
+at the end of a line it would look whole.
+"""
+
+
+class _Signature(NamedTuple):
+    """What differs in a file that has changed."""
+
+    changed_ns: int
+    inode: int
+    size: int
+    mode: int
 
 
 class WatchedFile(Generic[T]):
     """The content of a file, read by `parse`, which raises ValueError. Any thread may call.
 
     A file that other users of this computer could change (with `is_secret`: could read) is refused. A change that
-    cannot be read is logged, and what was read last stays.
+    cannot be read is logged, and what was read last stays. So does a file that may still be written.
 
     Raises:
         ConfigError: The file cannot be read, others could, or it is wrong. `setting` is the key that names it.
@@ -35,14 +48,23 @@ class WatchedFile(Generic[T]):
     """
 
     def __init__(
-        self, path: Path, setting: str, parse: Callable[[bytes], T], *, is_secret: bool, period_s: float = _POLL_S
+        self,
+        path: Path,
+        setting: str,
+        parse: Callable[[bytes], T],
+        *,
+        is_secret: bool,
+        period_s: float = _POLL_S,
+        settled_s: float = _SETTLED_S,
     ) -> None:
         self._path = path
         self._setting = setting
         self._parse = parse
         self._forbidden = (stat.S_IRWXO | stat.S_IWGRP) if is_secret else (stat.S_IWOTH | stat.S_IWGRP)
         self._period_s = period_s
-        self._signature = self._read_signature()
+        self._settled_s = settled_s
+        self._signature = self._seen = self._read_signature()
+        self._seen_s = time.monotonic()
         self._value = self._read()
         self._next_check_s = time.monotonic() + period_s
 
@@ -53,10 +75,17 @@ class WatchedFile(Generic[T]):
         if now_s >= self._next_check_s:
             self._next_check_s = now_s + self._period_s
             signature = self._read_signature()
-            if signature != self._signature:
+            if signature != self._signature and self._has_settled(signature, now_s):
                 self._signature = signature
                 self._read_again()
         return self._value
+
+    def _has_settled(self, signature: _Signature | None, now_s: float) -> bool:
+        if signature != self._seen:
+            self._seen, self._seen_s = signature, now_s
+        if signature is None or now_s - self._seen_s >= self._settled_s:
+            return True
+        return abs(time.time() - signature.changed_ns * 1e-9) >= self._settled_s
 
     def _read_again(self) -> None:
         try:
@@ -66,12 +95,12 @@ class WatchedFile(Generic[T]):
         else:
             logs.event(_log, logging.INFO, "read_again", setting=self._setting, file=self._path)
 
-    def _read_signature(self) -> tuple[int, ...] | None:
+    def _read_signature(self) -> _Signature | None:
         try:
             found = self._path.stat()
         except OSError:
             return None
-        return found.st_mtime_ns, found.st_ino, found.st_size, found.st_mode
+        return _Signature(found.st_mtime_ns, found.st_ino, found.st_size, found.st_mode)
 
     def _read(self) -> T:
         try:

@@ -13,7 +13,7 @@ from ual.access import tokens
 from ual.access.roles import Role
 from ual.shared import whole_file
 from ual_daemon.program import access_files
-from ual_daemon.program.access_files import read_roles
+from ual_daemon.program.access_files import RolesReader
 from ual_daemon.program.configuration import DaemonSettings
 from ual_daemon.server.access.policy import ANYBODY, Roles, is_this_computer
 from ual_daemon.server.access.watched_file import WatchedFile
@@ -47,9 +47,11 @@ def test_who_is_on_this_computer(peer: str, is_here: bool) -> None:
 
 
 def test_the_roles_file() -> None:
-    found = read_roles(b"certificates: {laptop: pilot}\ntokens: {ci: observer}\nlocal: pilot\nnobody: observer\n")
+    found = RolesReader().read(
+        b"certificates: {laptop: pilot}\ntokens: {ci: observer}\nlocal: pilot\nnobody: observer\n"
+    )
     assert found == Roles({"laptop": Role.PILOT}, {"ci": Role.OBSERVER}, Role.PILOT, Role.OBSERVER)
-    assert read_roles(b"# as without a file") == Roles()
+    assert RolesReader().read(b"# as without a file") == Roles()
 
 
 @pytest.mark.parametrize(
@@ -65,7 +67,25 @@ def test_the_roles_file() -> None:
 )
 def test_why_a_roles_file_is_refused_is_reported(text: str, why: str) -> None:
     with pytest.raises(ValueError, match=why):
-        read_roles(text.encode())
+        RolesReader().read(text.encode())
+
+
+@pytest.mark.parametrize("lost", ["certificates", "tokens", "local", "nobody"])
+def test_a_changed_roles_file_that_has_lost_a_key_is_refused(lost: str) -> None:
+    lines = {
+        "certificates": "certificates: {laptop: pilot}\n",
+        "tokens": "tokens: {ci: observer}\n",
+        "local": "local: observer\n",
+        "nobody": "nobody: none\n",
+    }
+    reader = RolesReader()
+    whole = "".join(lines.values()).encode()
+    assert reader.read(whole).local is Role.OBSERVER
+    cut = "".join(line for key, line in lines.items() if key != lost).encode()
+    for _ in range(2):
+        with pytest.raises(ValueError, match=f"it has no {lost} any more, so it may be cut"):
+            reader.read(cut)
+    assert reader.read(whole).local is Role.OBSERVER
 
 
 @pytest.fixture
@@ -75,14 +95,24 @@ def file(tmp_path: Path) -> Path:
     return path
 
 
-def watched(path: Path, *, is_secret: bool = True) -> WatchedFile[int]:
-    return WatchedFile(path, "numbers", int, is_secret=is_secret, period_s=0.0)
+def watched(path: Path, *, is_secret: bool = True, settled_s: float = 0.0) -> WatchedFile[int]:
+    return WatchedFile(path, "numbers", int, is_secret=is_secret, period_s=0.0, settled_s=settled_s)
 
 
 def test_a_file_is_read_anew_when_it_has_changed(file: Path) -> None:
     number = watched(file)
     assert number.value == 1
     whole_file.write(file, b"22")
+    assert number.value == 22
+
+
+def test_a_changed_file_is_read_only_once_it_is_not_written_any_more(file: Path) -> None:
+    number = watched(file, settled_s=86400.0)
+    file.write_bytes(b"2")  # and more of it will follow
+    assert number.value == 1
+    file.write_bytes(b"22")
+    assert number.value == 1
+    os.utime(file, (0.0, 0.0))  # long ago
     assert number.value == 22
 
 
