@@ -16,10 +16,12 @@ from ual.errors import (
     ResourceExhaustedError,
 )
 from ual.logs import Log
+from ual.logs.values import LogChunk
 from ual.types import State
 from ual_daemon.backends.offers.logs import AutopilotLogs
 from ual_daemon.services._derived import Logs
-from ual_daemon.services.logs import CHUNK_BYTES, LONGEST_ID_CHARACTERS, VehicleLogs
+from ual_daemon.services.answers import Steps
+from ual_daemon.services.logs import CHUNK_BYTES, LONGEST_ID_CHARACTERS, UNTAKEN_S, VehicleLogs
 
 T = TypeVar("T")
 CONTENT = bytes(range(256)) * 1000
@@ -119,6 +121,32 @@ def test_one_at_a_time(offer: Offer) -> None:
         next(logs.download("old", 0))
     first.close()
     assert isinstance(next(logs.download("old", 0)), Future)
+
+
+def test_a_download_of_which_nothing_is_taken_gives_way_to_another(offer: Offer) -> None:
+    now_s = 0.0
+    logs = VehicleLogs(Vehicle(offer), lambda: now_s)
+
+    def next_chunk(steps: Steps[LogChunk]) -> LogChunk:
+        step: object = next(steps)
+        while isinstance(step, Future):
+            step = steps.send(step.result())
+        assert isinstance(step, LogChunk)
+        return step
+
+    untaken = logs.download(LOG.id, 0)
+    next_chunk(untaken)
+    now_s = UNTAKEN_S
+    with pytest.raises(ResourceExhaustedError, match="one at a time"):
+        next(logs.download(LOG.id, 0))
+    now_s = UNTAKEN_S + 1.0
+    second = logs.download(LOG.id, 0)
+    next_chunk(second)
+    with pytest.raises(ResourceExhaustedError, match=f"another download began: go on at {CHUNK_BYTES}"):
+        next(untaken)
+    with pytest.raises(ResourceExhaustedError, match="one at a time"):  # the end of the first one does not free it
+        next(logs.download(LOG.id, 0))
+    assert next_chunk(second).offset == CHUNK_BYTES
 
 
 def test_a_broken_link_ends_a_download_and_the_next_one_may_begin(logs: Logs, offer: Offer) -> None:
