@@ -7,6 +7,7 @@ import math
 import time
 from collections.abc import Callable
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -26,6 +27,12 @@ from ual_tools.session import CommandSession, note, pass_session
 F = TypeVar("F", bound=Callable[..., Any])
 
 _VELOCITY_PERIOD_S = 0.05
+_HELD_UP_S = 2.0
+"""Seconds without a velocity, as by Ctrl-Z, after which none is sent any more. The daemon has stopped the UAV after
+0.5 s, and others may fly it by then.
+"""
+_now_s = partial(time.clock_gettime, time.CLOCK_BOOTTIME) if hasattr(time, "CLOCK_BOOTTIME") else time.monotonic
+"""Linux' other monotonic clock stands still while the computer sleeps."""
 _TELEMETRY_WAIT_S, _POLL_PERIOD_S = 1.0, 0.02
 """Patience for the sample after a new home, and the pause between two looks."""
 _SAME_HEIGHT_M = 0.5
@@ -242,12 +249,17 @@ def _excess(velocity: Vector3, limits: Limits) -> float:
 
 
 def _repeat(session: CommandSession, uav: Uav, wanted: TwistStamped, duration_s: float) -> None:
-    end_s = time.monotonic() + duration_s
+    sent_s = _now_s()
+    end_s = sent_s + duration_s
     noted = interruption() if session.member is None else nullcontext(session.member.interrupted)
     with noted as interrupted:
-        while time.monotonic() < end_s:
+        while (now_s := _now_s()) < end_s or now_s - sent_s > _HELD_UP_S:
+            if now_s - sent_s > _HELD_UP_S:
+                text = f"stood still for {now_s - sent_s:.1f} s, so the UAV has stopped by itself: nothing more is sent"
+                raise UalError(text)
             uav.set_velocity(wanted)
-            if interrupted.wait(max(0.0, min(_VELOCITY_PERIOD_S, end_s - time.monotonic()))):
+            sent_s = _now_s()
+            if interrupted.wait(max(0.0, min(_VELOCITY_PERIOD_S, end_s - sent_s))):
                 raise KeyboardInterrupt
 
 
