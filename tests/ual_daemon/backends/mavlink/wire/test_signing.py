@@ -1,6 +1,7 @@
 import hashlib
 import logging
 import os
+import random
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,8 @@ import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 from tests.ual_daemon.backends.mavlink.fakes import ADDRESS, Harness, attitude, heartbeat, packer
+from ual_daemon.backends.mavlink.wire import checksum
+from ual_daemon.backends.mavlink.wire import dialect as wire_dialect
 from ual_daemon.backends.mavlink.wire.frames import MavlinkFrame, split
 from ual_daemon.backends.mavlink.wire.messages import Message
 from ual_daemon.backends.mavlink.wire.signing import (
@@ -181,6 +184,57 @@ def test_our_timestamps_always_grow_and_follow_the_newest_received() -> None:
     assert [ours.next_timestamp(), ours.next_timestamp()] == [1, 2]
     assert ours.check(Vehicle(timestamp=NOW).frame()) is SignatureVerdict.GOOD
     assert ours.next_timestamp() >= NOW
+
+
+def mutated(data: bytes, chance: random.Random) -> bytes:
+    """Changes a frame in one way: a bit, a byte more or less, its end, or its head; often with a right checksum."""
+    changed = bytearray(data)
+    at = chance.randrange(len(changed))
+    kind = chance.randrange(5)
+    if kind == 0:
+        changed[at] ^= 1 << chance.randrange(8)
+    elif kind == 1:
+        changed.insert(at, chance.randrange(256))
+    elif kind == 2:
+        del changed[at]
+    elif kind == 3:
+        del changed[at:]
+    else:
+        changed[chance.randrange(1, 10)] = chance.randrange(256)
+    end = 10 + changed[1] if len(changed) > 1 else 0
+    if chance.random() < 0.7 and 10 <= end < len(changed) - 1:  # as one who forges it would
+        number = changed[7] | changed[8] << 8 | changed[9] << 16
+        kind_of = wire_dialect.mavlink_map.get(number)
+        if kind_of is not None:
+            changed[end : end + 2] = checksum.compute(bytes(changed[1:end]), kind_of.crc_extra)
+    return bytes(changed)
+
+
+def test_of_thousands_of_forged_frames_none_is_good_and_each_right_one_is_good_once() -> None:
+    chance, ours, accepted = random.Random(7), signer(), set[bytes]()
+    vehicle, pieces_count = Vehicle(), 0
+    right = [vehicle.pack(heartbeat()) for _ in range(40)] + [vehicle.pack(attitude()) for _ in range(40)]
+    for number, data in enumerate(right):
+        for _ in range(60):
+            base = right[chance.randrange(number + 1)]  # one that came before, or this one
+            forged = mutated(base, chance) if chance.random() < 0.9 or base not in accepted else base
+            for frame in split(forged)[0]:
+                pieces_count += 1
+                verdict = ours.check(frame)
+                assert verdict is not SignatureVerdict.GOOD or (frame.data == data and data not in accepted)
+                accepted |= {frame.data} if verdict is SignatureVerdict.GOOD else set()
+        if data not in accepted:
+            assert ours.check(split(data)[0][0]) is SignatureVerdict.GOOD
+            accepted.add(data)
+    assert pieces_count > 1000
+    assert accepted == set(right)
+
+
+def test_the_last_timestamp_that_there_is_does_not_keep_us_from_sending() -> None:
+    ours = signer()
+    assert ours.check(Vehicle(timestamp=2**48 - 1).frame()) is SignatureVerdict.GOOD
+    for _ in range(2):
+        assert len(ours.sign(packer()(heartbeat()))) > 13
 
 
 # --- In the receiver --------------------------------------------------------------------------------------------------
