@@ -13,7 +13,7 @@ from typing import TypeVar
 
 from typing_extensions import override
 
-from ual.errors import InvalidArgumentError, UalError
+from ual.errors import InvalidArgumentError, NotSupportedError, UalError
 from ual.logs.values import Log
 from ual_daemon.backends import futures
 from ual_daemon.backends.mavlink.offers.files import has_files
@@ -121,7 +121,7 @@ class MavlinkLogs(AutopilotLogs):
         """Lists the logs of one day. Those of a directory that the autopilot does not list are missing, as a whole."""
         try:
             inside = yield from files.list_directory(f"{directory}/{name}")
-        except FtpNakError as error:
+        except (FtpNakError, NotSupportedError) as error:
             _logger.warning("the autopilot does not list its logs of %s: %s", name, error.message)
             return [Log(f"{name}/", 0, is_missing=True)]
         return [

@@ -18,7 +18,7 @@ from ual.errors import LinkLostError, NotSupportedError, ResourceExhaustedError,
 from ual_daemon.backends import futures
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.protocols.exchange import Exchange
-from ual_daemon.backends.mavlink.protocols.ftp_packet import FtpNakError, FtpPacket, Nak, Opcode, decode
+from ual_daemon.backends.mavlink.protocols.ftp_packet import BLOCK_BYTES, FtpNakError, FtpPacket, Nak, Opcode, decode
 from ual_daemon.backends.mavlink.protocols.ftp_steps import FtpLink, FtpPause, FtpReading, FtpRequest, FtpStep, OpenFile
 from ual_daemon.backends.mavlink.protocols.protocol import Handler, Protocol
 from ual_daemon.backends.mavlink.wire.frames import MessageSource
@@ -336,6 +336,8 @@ class Ftp(Protocol):
 
 def _exchange(path: str, opcode: Opcode, offset: int, data: bytes, session: int = 0) -> Steps[FtpPacket]:
     """Asks until no other file is open, for as long as one that was left open may be."""
+    if len(data) > BLOCK_BYTES:
+        raise NotSupportedError(f"{path:.100}...: a path of {len(data)} bytes, and MAVFTP has at most {BLOCK_BYTES}")
     for pause_s in (*BUSY_S, None):
         try:
             answer: FtpPacket = yield FtpRequest(path, opcode, session, offset, data)

@@ -82,6 +82,16 @@ def test_a_file_whose_size_is_not_reported_is_read_to_its_end(served: Served) ->
         served.run(4.0)
 
 
+@pytest.mark.parametrize("size", [BLOCK_BYTES + 1, 1000])
+def test_a_path_that_is_too_long_is_refused_before_anything_is_sent(served: Served, size: int) -> None:
+    listed, read = served.ftp.list_directory("d" * size), served.ftp.read("f" * size, 0, 10)
+    with pytest.raises(NotSupportedError, match=f"a path of {size} bytes"):
+        served.done(listed)
+    with pytest.raises(NotSupportedError, match=f"a path of {size} bytes"):
+        served.done(read)
+    assert not served.store.requests
+
+
 def test_a_file_that_is_too_long_is_refused(served: Served) -> None:
     served.store.files = {"/file": bytes(100_000)}
     with pytest.raises(ResourceExhaustedError, match="over 50000 bytes"):
