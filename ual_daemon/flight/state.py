@@ -169,7 +169,7 @@ def _in_manual(mode: str, held_by: Cause | None, snapshot: Snapshot) -> Estimate
 
 def _how_it_lands(snapshot: Snapshot, mission: str) -> str:
     """The return of a mission may be in a mode of its own, which else would be taken for a ground station's."""
-    if mission and snapshot.control.held_by in (None, Cause.GROUND_STATION):
+    if mission and snapshot.control.held_by in (None, Cause.GROUND_STATION, Cause.AUTOPILOT):
         assert snapshot.control.mode is not None
         return f"{mission}, and lands (mode {snapshot.control.mode.value.text})"
     stopped = why_it_may_lie(snapshot) if snapshot.control.failsafe is Cause.TERMINATION else ""

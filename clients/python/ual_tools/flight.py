@@ -27,7 +27,7 @@ from ual_tools.session import CommandSession, note, pass_session
 F = TypeVar("F", bound=Callable[..., Any])
 
 _VELOCITY_PERIOD_S = 0.05
-_HELD_UP_S = 2.0
+_LONGEST_STANDSTILL_S = 2.0
 """Seconds without a velocity, as by Ctrl-Z, after which none is sent any more. The daemon has stopped the UAV after
 0.5 s, and others may fly it by then.
 """
@@ -253,8 +253,8 @@ def _repeat(session: CommandSession, uav: Uav, wanted: TwistStamped, duration_s:
     end_s = sent_s + duration_s
     noted = interruption() if session.member is None else nullcontext(session.member.interrupted)
     with noted as interrupted:
-        while (now_s := _now_s()) < end_s or now_s - sent_s > _HELD_UP_S:
-            if now_s - sent_s > _HELD_UP_S:
+        while (now_s := _now_s()) < end_s or now_s - sent_s > _LONGEST_STANDSTILL_S:
+            if now_s - sent_s > _LONGEST_STANDSTILL_S:
                 text = f"stood still for {now_s - sent_s:.1f} s, so the UAV has stopped by itself: nothing more is sent"
                 raise UalError(text)
             uav.set_velocity(wanted)

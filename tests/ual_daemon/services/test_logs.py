@@ -123,7 +123,7 @@ def test_one_at_a_time(offer: Offer) -> None:
     assert isinstance(next(logs.download("old", 0)), Future)
 
 
-def test_a_download_of_which_nothing_is_taken_gives_way_to_another(offer: Offer) -> None:
+def test_a_download_of_which_nothing_is_taken_is_replaced_by_another(offer: Offer) -> None:
     now_s = 0.0
     logs = VehicleLogs(Vehicle(offer), lambda: now_s)
 

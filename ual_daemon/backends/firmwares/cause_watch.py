@@ -27,6 +27,8 @@ REASON_DELAY_S = 0.4
 at 5 Hz. PX4 may report the mode in a heartbeat before it says whether it was intended."""
 OWN_COMMAND_S = 5.0
 """A mode that comes this soon after a command of ours for it is ours."""
+OWN_EFFECT_S = 1.0
+"""Seconds after an order about its mission (start, resumption, jump) within which it may hold by itself for it."""
 STREAM_S = 0.5
 """Seconds without a setpoint of ours after which a failsafe may be for that reason alone. Where it is known how long
 the autopilot waits for them, it is `LOST_SETPOINTS_SHARE` of that.
@@ -108,6 +110,8 @@ class CauseWatch:
         self._switched_s = -math.inf
         self._commanded_s: dict[str, float] = {}
         """Time of our last command of each mode, by name."""
+        self._ordered_s = -math.inf
+        """Time of our last order about its mission."""
         self.failing_sensors = 0
         """The sensors (MAV_SYS_STATUS) that are enabled, and not healthy."""
         self.aids = ""
@@ -128,6 +132,12 @@ class CauseWatch:
     def on_own_command(self, mode: str, now_s: float) -> None:
         """Takes note of a command of ours that changes to the mode of a name."""
         self._commanded_s[mode] = now_s
+        if self._autopilot.missions is not None and mode == self._autopilot.missions.mode:
+            self.on_own_order(now_s)
+
+    def on_own_order(self, now_s: float) -> None:
+        """Takes note of an order of ours about its mission, which it may end at once, and then holds by itself."""
+        self._ordered_s = now_s
 
     def on_system_status(self, status: int, now_s: float) -> None:
         """Takes the system status of a heartbeat."""
@@ -316,7 +326,15 @@ class CauseWatch:
         is_again = self._mode_name == self._autopilot.hold_mode and commanded_s < self._held_before_s
         if self._since_s - commanded_s < OWN_COMMAND_S and not is_back and not is_again:
             return None
-        return Cause.SAFETY_PILOT if is_switched else Cause.GROUND_STATION
+        if is_switched:
+            return Cause.SAFETY_PILOT
+        return Cause.AUTOPILOT if self._holds_by_itself() else Cause.GROUND_STATION
+
+    def _holds_by_itself(self) -> bool:
+        """Returns whether it is in the mode that follows its missions, just after an order of ours about one."""
+        missions = self._autopilot.missions
+        is_after = missions is not None and self._mode_name == missions.done_mode != missions.mode
+        return is_after and 0.0 <= self._since_s - self._ordered_s < OWN_EFFECT_S
 
     def _failsafe_that_flies(self, mode: Mode, *, is_over: bool) -> Cause | None:
         """Returns the failsafe by which the present mode came; None if there is no sign of one (yet)."""

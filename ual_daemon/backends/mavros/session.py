@@ -291,6 +291,10 @@ class MavrosSession:
         if event.text:
             self.runner.on_text(event.text)
 
+    def on_own_order(self) -> None:
+        """Takes note of an order of ours about its mission. From any thread."""
+        self._causes.on_own_order(self._now_s)
+
     # --- What is requested --------------------------------------------------------------------------------------------
 
     def _why_late(self) -> str:

@@ -49,6 +49,8 @@ class Cause(Enum):
     """A mode that is flown by sticks, or a mode that the transmitter's switch selected."""
     GROUND_STATION = "ground station"
     """Another mode of the autopilot, without a failsafe or a switch: a ground station or another program."""
+    AUTOPILOT = "autopilot"
+    """The autopilot itself, which holds just after an order of UAL about its mission, and nothing shows others."""
     BATTERY = "battery failsafe"
     RC = "rc failsafe"
     """The transmitter is lost."""

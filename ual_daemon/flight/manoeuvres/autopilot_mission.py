@@ -526,7 +526,8 @@ class AutopilotMission(Manoeuvre):
         """Returns whether it has entered the mode in which it holds after a mission, and may still tell its end."""
         is_done = _mode(snapshot) == self._offer.done_mode != self._offer.mode
         is_done = is_done and not _is_by_others(snapshot)
-        if not is_done or self._item < self._last_moving or self._ends_by(Land, ReturnToLaunch):
+        item = max(self._item, self._left_out.next_own)  # a jump of UAL may be reported after its effect
+        if not is_done or item < self._last_moving or self._ends_by(Land, ReturnToLaunch):
             self._done_s = None
             return False
         self._done_s = snapshot.time_s if self._done_s is None else self._done_s

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Sequence
 
 from ual.missions.items import PLACED, Item, Jump
@@ -13,6 +14,8 @@ from ual_daemon.geodesy import FlatProjection
 
 _LONGEST_REPORT_GAP_S = 1.5
 """Between two reports that follow each other in time. What was flown in a longer gap is not known."""
+_MOST_JUMPS = 8
+"""Jumps of UAL that may wait until they are reported."""
 _ITEM_DISTANCE_M = 3.0
 """Distance in metres at which a place is reached, by both autopilots' radius of 2 m. One so near the one before may not
 be reported.
@@ -27,8 +30,9 @@ class LeftOutItems:
         self._jumps_by_itself = any(isinstance(each, Jump) for each in items)
         self._told: tuple[int, float] | None = None
         """The item that was reported last, and when."""
-        self._own: int | None = None
-        """The item to which UAL has jumped, until that is reported."""
+        self._lock = threading.Lock()
+        self._own: tuple[int, ...] = ()
+        """The items to which UAL has jumped, the last one last, until they or later ones are reported."""
         self._left_out: set[int | None] = set()
         self._nearest_m = math.inf
         """Least distance in metres from the item that was reported last; 0 where that is not known."""
@@ -40,7 +44,14 @@ class LeftOutItems:
 
     def jumps_to(self, item: int) -> None:
         """Notes that UAL jumps to an item: those before it are left out on purpose. From any thread."""
-        self._own = item
+        with self._lock:
+            self._own = (*self._own, item)[-_MOST_JUMPS:]
+
+    @property
+    def next_own(self) -> int:
+        """The item to which UAL has jumped last and which is not reported yet; 0 where there is none."""
+        own = self._own
+        return own[-1] if own else 0
 
     def forget(self) -> None:
         """Begins again with the next report: the mission was not flown, or not seen, for a while."""
@@ -56,8 +67,8 @@ class LeftOutItems:
         self._told = (item, report.time_s)
         if before is None or before[0] == item:
             self._nearest_m = min(self._nearest_m, self._away_m(item, snapshot))
-        elif self._own is not None and self._is_own(item, self._own):
-            self._own = None
+        elif self._take_own(item):
+            pass
         elif report.time_s - before[1] <= _LONGEST_REPORT_GAP_S and not self._jumps_by_itself:
             begin = before[0] + (self._nearest_m <= _ITEM_DISTANCE_M)
             self._left_out.update(number for number in range(begin, item) if self._is_destination(number))
@@ -77,6 +88,15 @@ class LeftOutItems:
         if is_above_home and pose is not None and home is not None:
             up_m = pose.value.position.z - home.z - place[2]
         return math.hypot(aside.x, aside.y, up_m)
+
+    def _take_own(self, told: int) -> bool:
+        """Returns whether what is reported is that of a jump of UAL; the jumps before it are over, too."""
+        with self._lock:
+            for index, own in reversed(tuple(enumerate(self._own))):
+                if self._is_own(told, own):
+                    self._own = self._own[index + 1 :]
+                    return True
+        return False
 
     def _is_own(self, told: int, own: int) -> bool:
         """Returns whether what is reported is that of UAL's jump: an item that does not fly is reported as the one

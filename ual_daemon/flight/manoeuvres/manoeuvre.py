@@ -330,6 +330,8 @@ def taken_over(snapshot: Snapshot, during: str) -> TaskAbortedError:
     in_mode = f"(the autopilot is in mode {mode}{f'; {breach}' if breach else ''})"
     if cause.is_failsafe:
         what = f"taken by the autopilot: {cause.value}"
+    elif cause is Cause.AUTOPILOT:
+        what = "the autopilot holds by itself, just after a command of UAL"
     elif state is State.FLYING_AUTO:  # nothing shows what else selects the mode in which UAL flies it
         what = "the safety pilot or a ground station took over"
     else:

@@ -21,14 +21,14 @@ _log = logging.getLogger(__name__)
 
 _POLL_S = 0.2
 """Seconds between two checks whether the file has changed."""
-_SETTLED_S = 1.0
+_SETTLING_TIME_S = 1.0
 """Seconds for which a changed file must not have changed again before it is read. Before, it may be half-written: cut
 at the end of a line it would look whole.
 """
 
 
 class _Signature(NamedTuple):
-    """What differs in a file that has changed."""
+    """The properties by which a file that has changed is recognized."""
 
     changed_ns: int
     inode: int
@@ -55,7 +55,7 @@ class WatchedFile(Generic[T]):
         *,
         is_secret: bool,
         period_s: float = _POLL_S,
-        settled_s: float = _SETTLED_S,
+        settled_s: float = _SETTLING_TIME_S,
     ) -> None:
         self._path = path
         self._setting = setting

@@ -109,6 +109,36 @@ def test_a_hold_that_comes_again_after_ours_has_ended_is_not_ours() -> None:
     assert watch.pass_s(1.0, is_sending=False) is Cause.GROUND_STATION
 
 
+@pytest.mark.parametrize("autopilot", [Px4(), ArduCopter()])
+@pytest.mark.parametrize(
+    ("after_s", "is_switched", "cause"),
+    [
+        (0.2, False, Cause.AUTOPILOT),
+        (0.8, False, Cause.AUTOPILOT),
+        (0.2, True, Cause.SAFETY_PILOT),
+        (1.2, False, Cause.GROUND_STATION),
+        (None, False, Cause.GROUND_STATION),
+    ],
+)
+def test_a_hold_just_after_an_order_about_the_mission_is_the_autopilots(
+    autopilot: Autopilot, after_s: float | None, cause: Cause, *, is_switched: bool
+) -> None:
+    """ArduCopter stays in the mode of its mission: another one is always chosen."""
+    is_px4 = isinstance(autopilot, Px4)
+    watch = Px4Watch(autopilot=autopilot, names_intended_mode=is_px4)
+    watch.mode = watch.intended = 4 << 16 | 4 << 24 if is_px4 else 3
+    watch.pass_s(5.0, is_sending=False)
+    watch.causes.on_rc_channels([1500] * 8, watch.now_s)
+    if after_s is not None:
+        watch.causes.on_own_order(watch.now_s)
+        watch.pass_s(after_s, is_sending=False)
+    if is_switched:
+        watch.causes.on_rc_channels([1500] * 5 + [1100] * 3, watch.now_s)
+    watch.mode = watch.intended = HOLD if is_px4 else 17
+    found = watch.pass_s(1.0, is_sending=False)
+    assert found is (cause if is_px4 or is_switched else Cause.GROUND_STATION)
+
+
 def test_a_pilot_who_takes_over_in_a_pause_is_named() -> None:
     watch = Px4Watch(names_intended_mode=False)
     watch.pass_s(5.0, is_sending=True)

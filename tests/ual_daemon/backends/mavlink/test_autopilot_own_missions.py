@@ -13,6 +13,7 @@ from pymavlink.dialects.v20 import all as mavlink
 from tests.conftest import LIMIT_S
 from tests.simulators import Faults, Px4
 from tests.simulators.ardupilot import BRAKE, GUIDED
+from tests.simulators.mission_flight import COMPLETE
 from tests.simulators.mission_store import Sender
 from tests.simulators.px4 import LOITER, OFFBOARD
 from tests.ual_daemon.backends.mavlink.test_autopilot_flights import Flight
@@ -857,3 +858,119 @@ def test_a_pilot_who_takes_over_just_after_the_start_of_a_mission_is_named(
     wait_until_taken(flight)
     ended_s = flight.first_s(lambda told: told.task is None, taken_s[0])
     assert ended_s - taken_s[0] < 1.0
+
+
+# --- A hold that the autopilot begins by itself ----------------------------------------------------------------------
+
+
+def order(flight: Flight, what: str) -> None:
+    """Gives an order about the mission that is flown."""
+    if what == "jump":
+        flight.uav.vehicle.missions.jump(3)
+    elif what == "resume":
+        flight.uav.mission.pause()
+        flight.wait_for(lambda: "holds on our mission" in flight.uav.telemetry().state_reason, "its hold")
+        flight.let_pass(8.0)  # a hold of ours counts for 5 s
+        flight.uav.mission.resume()
+
+
+def hide_progress(flight: Flight, monkeypatch: pytest.MonkeyPatch) -> None:
+    """MISSION_CURRENT and MISSION_ITEM_REACHED are lost from now on."""
+    send = flight.link.send
+
+    def send_others(data: bytes, now_s: float) -> None:
+        if data[7] | data[8] << 8 | data[9] << 16 not in (42, 46):
+            send(data, now_s)
+
+    monkeypatch.setattr(flight.link, "send", send_others)
+
+
+def three_far(flight: Flight) -> list[Item]:
+    return [at(flight, FAR_M, 0), at(flight, FAR_M, FAR_M), at(flight, 0, FAR_M)]
+
+
+@pytest.mark.parametrize("flight", ["px4"], indirect=True)
+@pytest.mark.parametrize("is_told", [True, False])
+@pytest.mark.parametrize(
+    ("what", "after_s", "by"),
+    [
+        ("jump", 0.0, "autopilot"),
+        ("jump", 0.1, "autopilot"),
+        ("jump", 0.5, "autopilot"),
+        ("jump", 3.0, "ground station"),
+        ("start", 0.2, "autopilot"),
+        ("start", 3.0, "ground station"),
+        ("resume", 0.2, "autopilot"),
+        ("resume", 3.0, "ground station"),
+    ],
+)
+def test_who_holds_after_an_order_of_ours_is_named(
+    flight: Flight, monkeypatch: pytest.MonkeyPatch, what: str, after_s: float, by: str, *, is_told: bool
+) -> None:
+    """A real PX4 held by itself just after a jump (campaign, 1630000000018): a ground station was named."""
+    if what == "jump" and not is_told:
+        by = "autopilot"  # it is repeated until it is reported
+    flight.take_off()
+    mission, ordered_s = flight.autopilot.mission, list[float]()
+    begin, choose = mission.begin, mission.choose
+
+    begins = list[float]()
+
+    def on_begin(hold: Any) -> None:
+        begin(hold)
+        begins.append(flight.now_s)
+        if what == ("start", "resume")[len(begins) - 1]:
+            ordered_s.append(flight.now_s)
+            if not is_told:
+                hide_progress(flight, monkeypatch)
+
+    def on_choose(seq: int) -> bool:
+        if what == "jump" and seq == 2 and not ordered_s:
+            ordered_s.append(flight.now_s)
+        return choose(seq)
+
+    def is_due(_: Telemetry) -> bool:
+        return bool(ordered_s) and flight.now_s >= ordered_s[0] + after_s
+
+    monkeypatch.setattr(mission, "begin", on_begin)
+    monkeypatch.setattr(mission, "choose", on_choose)
+    flight.when(is_due, lambda: hold_by_a_station(flight))
+    task = flight.uav.task(start(flight, three_far(flight)))
+    if what != "start":
+        flight.wait_for(lambda: position_m(flight)[0] > 10.0, "its way")
+    if what == "jump" and not is_told:
+        hide_progress(flight, monkeypatch)
+    order(flight, what)
+    with pytest.raises(TaskAbortedError) as caught:
+        task.wait(LIMIT_S)
+    assert caught.value.metadata["by"] == by, caught.value
+    flight.wait_for_state(State.FLYING_MANUAL)
+    health = flight.uav.telemetry().health
+    assert health is not None
+    assert health.held_by == by
+
+
+@pytest.mark.parametrize("flight", ["px4"], indirect=True)
+@pytest.mark.parametrize("after_s", [0.0, 0.1, 0.3, 0.6, 0.9])
+def test_a_mission_that_ends_just_after_a_jump_to_its_last_item_has_succeeded(
+    flight: Flight, monkeypatch: pytest.MonkeyPatch, after_s: float
+) -> None:
+    """PX4 may report the mode before the item, and that before the end."""
+    flight.take_off()
+    mission, ended = flight.autopilot.mission, list[float]()
+    choose = mission.choose
+
+    def on_choose(seq: int) -> bool:
+        if seq == 2 and not ended:
+            ended.append(flight.now_s + after_s)
+        return choose(seq)
+
+    def end() -> None:
+        mission.state = COMPLETE
+
+    monkeypatch.setattr(mission, "choose", on_choose)
+    flight.when(lambda _: bool(ended) and flight.now_s >= ended[0], end)
+    task = flight.uav.task(start(flight, three_far(flight)))
+    flight.wait_for(lambda: position_m(flight)[0] > 10.0, "its way")
+    flight.uav.vehicle.missions.jump(3)
+    assert task.wait(LIMIT_S).status is TaskStatus.SUCCEEDED

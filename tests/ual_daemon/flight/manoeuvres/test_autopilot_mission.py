@@ -281,6 +281,21 @@ def test_a_failsafe_that_holds_at_the_last_item_is_no_end_of_the_mission(lab: La
     assert step.error.metadata["by"] == "rc failsafe"
 
 
+def test_a_hold_before_a_jump_of_ours_to_the_last_item_is_reported_may_be_its_end(lab: Lab) -> None:
+    """A ground station was named at once."""
+    lab.kept = KeptMission((*KEPT.items, Waypoint(47.1, 8.0, 5.0)), "1", 5)
+    lab.mission = lab.make()
+    lab.fly()
+    lab.offer.told = MissionReport(MissionStage.ACTIVE, 1, None, lab.autopilot.time_s, 5)
+    lab.run()
+    lab.mission.jump(2, lambda: None)
+    lab.autopilot.mode, lab.autopilot.held_by = lab.offer.done_mode, Cause.AUTOPILOT
+    lab.run()
+    lab.offer.told = MissionReport(MissionStage.COMPLETE, 2, None, lab.autopilot.time_s, 5)
+    with pytest.raises(NotImplementedError):  # it takes the control back
+        lab.run()
+
+
 def test_an_item_that_was_reached_in_a_flight_before_is_none_of_this_one(lab: Lab) -> None:
     """The holder was then reported as its end, and UAL took the control back from them."""
     lab.offer.told = MissionReport(MissionStage.ACTIVE, 1, 1, 0.0, 5, reached_s=0.0)

@@ -73,6 +73,27 @@ def test_an_item_that_is_left_far_from_its_position_was_jumped_over(
     assert reported(left_out, 3, at_m=2.0, reached=2) == ()
 
 
+def test_two_jumps_of_ours_in_a_row_leave_nothing_out() -> None:
+    """The first one was taken for another station's."""
+    left_out = LeftOutItems(FIVE)
+    reported(left_out, 1, 1, at_m=0.0)
+    left_out.jumps_to(3)
+    left_out.jumps_to(5)
+    assert left_out.next_own == 5
+    assert reported(left_out, 3, at_m=2.0) == ()
+    assert reported(left_out, 5, at_m=4.0) == ()
+    assert left_out.next_own == 0
+
+
+def test_a_jump_of_ours_of_which_only_the_next_one_is_reported_excuses_no_other() -> None:
+    left_out = LeftOutItems(FIVE)
+    reported(left_out, 1, 1, at_m=0.0)
+    left_out.jumps_to(4)
+    left_out.jumps_to(2)
+    assert reported(left_out, 2, at_m=2.0) == ()
+    assert reported(left_out, 4, at_m=4.0) == (2, 3)
+
+
 def test_a_jump_from_the_first_item_is_found() -> None:
     left_out = LeftOutItems(path(10, 20, 30))
     left_out.forget()  # it was not flown yet

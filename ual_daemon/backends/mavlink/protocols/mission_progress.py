@@ -58,7 +58,7 @@ class SetCurrent(Exchange[None]):
     def __init__(
         self,
         future: Future[None],
-        transmit: Callable[[], object],
+        transmit: Callable[[float], object],
         shown_by: frozenset[int],
         refusal: Refusal,
         is_up: Callable[[float], bool],
@@ -85,7 +85,7 @@ class SetCurrent(Exchange[None]):
         else:
             self._tries_count += 1
             self._next_s = now_s + RETRY_S
-            self._transmit()
+            self._transmit(now_s)
 
     def on_current(self, seq: int) -> None:
         """Takes the number of the current item."""
@@ -110,6 +110,8 @@ class MissionProgressProtocol(Protocol):
         self._setting: SetCurrent | None = None
         self._change_texts: tuple[str, ...] = ()
         self.heard: MissionNews | None = None
+        self.on_order: Callable[[float], object] = lambda _: None
+        """Called with the time of each order that makes an item the current one."""
 
     @property
     @override
@@ -149,7 +151,8 @@ class MissionProgressProtocol(Protocol):
         if self._setting is not None:
             self._setting.fail(UalTimeoutError("another item was asked for"))
 
-        def transmit() -> None:
+        def transmit(now_s: float) -> None:
+            self.on_order(now_s)
             self._send(mavlink.MAVLink_mission_set_current_message(*target, seq))
 
         self._setting = SetCurrent(future, transmit, shown_by, refusal, self._is_up)

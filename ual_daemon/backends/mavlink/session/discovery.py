@@ -90,6 +90,7 @@ class Discovery(Selector):
                 self._may_be_flying,
             ),
         )
+        self.protocols.progress.on_order = self._on_own_order
         self._settings = settings
         self._link = link
         self._setpoints = setpoints
@@ -116,6 +117,10 @@ class Discovery(Selector):
     def _speed_up(self, factor: float) -> None:
         if self.session is not None:
             self.session.speed_up(factor)
+
+    def _on_own_order(self, now_s: float) -> None:
+        if self.session is not None:
+            self.session.on_own_order(now_s)
 
     def _submit(self, request: LongCommand, now_s: float) -> None:
         if self.session is not None:

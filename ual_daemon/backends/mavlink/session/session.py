@@ -302,6 +302,10 @@ class MavlinkSession:
         result.add_done_callback(lambda _: self._heartbeats.want())
         return result
 
+    def on_own_order(self, now_s: float) -> None:
+        """Takes note of an order of ours about its mission, which was sent besides the commands."""
+        self._causes.on_own_order(now_s)
+
     def tick(self, now_s: float) -> None:
         """Does what is due, and what could wait until the last update was published; to be called often."""
         self.learn()

@@ -21,7 +21,7 @@ KEY_MISSING = f"signs its messages and may not listen to ours: set {KEY}"
 KEY_BYTES = 32
 _HASH_BYTES = 6
 _TIMESTAMP_BYTES = 6
-_LAST_TIMESTAMP = 256**_TIMESTAMP_BYTES - 1
+_LARGEST_TIMESTAMP_UNITS = 256**_TIMESTAMP_BYTES - 1
 EPOCH_S = 1_420_070_400.0
 """2015-01-01 UTC, from which timestamps count in units of 10 us."""
 _UNITS_PER_S = 100_000
@@ -139,7 +139,7 @@ class Signer:
 
         Only the last one that there is may come twice: one with the key may have sent it.
         """
-        self._sent = min(max(self._sent + 1, self._received, self._now()), _LAST_TIMESTAMP)
+        self._sent = min(max(self._sent + 1, self._received, self._now()), _LARGEST_TIMESTAMP_UNITS)
         return self._sent
 
     def sign(self, frame: bytes) -> bytes:

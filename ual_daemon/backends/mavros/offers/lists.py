@@ -106,6 +106,7 @@ class MavrosLists(ItemLists):
             pause = self._services.pause(SHOWN_S)
             return then_wait(pause, lambda _: self._choose(seq, shown_by, refusal, choices_count))
         before_count = self._received(MissionType.MISSION).messages_count
+        session_of(self._services).on_own_order()
         chosen = self._services.call_free(topics.SET_CURRENT, {"wp_seq": seq}, CHOOSE_S, _CHOOSE, refusal=refusal)
 
         def again() -> Future[None]:
@@ -113,7 +114,11 @@ class MavrosLists(ItemLists):
                 raise not_current()
             return self._choose(seq, shown_by, refusal, choices_count - 1)
 
-        return then_wait(chosen, lambda _: self._shown(shown_by, before_count, SHOWN_COUNT, again))
+        def shown(_: Message) -> Future[None]:
+            session_of(self._services).on_own_order()  # it may have asked for seconds
+            return self._shown(shown_by, before_count, SHOWN_COUNT, again)
+
+        return then_wait(chosen, shown)
 
     def _shown(
         self, shown_by: frozenset[int], before_count: int, checks_count: int, otherwise: Callable[[], Future[None]]

@@ -202,7 +202,7 @@ def mutated(data: bytes, chance: random.Random) -> bytes:
     else:
         changed[chance.randrange(1, 10)] = chance.randrange(256)
     end = 10 + changed[1] if len(changed) > 1 else 0
-    if chance.random() < 0.7 and 10 <= end < len(changed) - 1:  # as one who forges it would
+    if chance.random() < 0.7 and 10 <= end < len(changed) - 1:  # as a forger would
         number = changed[7] | changed[8] << 8 | changed[9] << 16
         kind_of = wire_dialect.mavlink_map.get(number)
         if kind_of is not None:
