@@ -221,13 +221,15 @@ class CauseWatch:
     ) -> ControlState:
         """Returns what flies it. All at once: a value that is replaced afterwards copies its group, at each update."""
         is_armed = None if armed is None else armed.value
+        held_by = None if mode is None else self.held_by(mode.value, now_s, is_armed=is_armed)
         return ControlState(
             armed,
             landed,
             mode,
             failsafe=self.failsafe(now_s, is_armed=is_armed, is_in_air=_is_in_air(landed)),
-            held_by=None if mode is None else self.held_by(mode.value, now_s, is_armed=is_armed),
+            held_by=held_by,
             other_sender=other_sender,
+            is_of_command=held_by is None and self._is_settled,
         )
 
     def failsafe(self, now_s: float, *, is_armed: bool | None, is_in_air: bool = False) -> Cause | None:

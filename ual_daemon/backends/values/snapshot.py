@@ -40,8 +40,9 @@ class ControlState(NamedTuple):
         mode: The mode.
         failsafe: The failsafe that is active, whatever the mode.
         held_by: What holds the control in the present mode, where that is not UAL. None where the backend cannot
-            say: it is then taken for the safety pilot.
+            say: it is then taken for the safety pilot, unless `is_of_command`.
         other_sender: What shows that another program sends setpoints, too, human-readable; empty if nothing does.
+        is_of_command: Whether the mode came by a command of UAL shortly before, perhaps late.
     """
 
     armed: Sample[bool] | None = None
@@ -50,6 +51,7 @@ class ControlState(NamedTuple):
     failsafe: Cause | None = None
     held_by: Cause | None = None
     other_sender: str = ""
+    is_of_command: bool = False
 
     @property
     def is_on_ground(self) -> bool:

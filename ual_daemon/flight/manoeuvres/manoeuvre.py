@@ -324,12 +324,15 @@ def taken_over(snapshot: Snapshot, during: str) -> TaskAbortedError:
     """Returns the error of a manoeuvre that ended because others, or a failsafe, took control."""
     mode = snapshot.control.mode.value.text if snapshot.control.mode is not None else "unknown"
     breach = breach_text(snapshot)
-    cause = snapshot.control.held_by or (Cause.FENCE if breach else Cause.SAFETY_PILOT)
+    unknown = Cause.AUTOPILOT if snapshot.control.is_of_command else Cause.SAFETY_PILOT
+    cause = snapshot.control.held_by or (Cause.FENCE if breach else unknown)
     state = _state_of(snapshot, cause)
     metadata = {"by": cause.value, "state": state.name, "mode": mode}
     in_mode = f"(the autopilot is in mode {mode}{f'; {breach}' if breach else ''})"
     if cause.is_failsafe:
         what = f"taken by the autopilot: {cause.value}"
+    elif snapshot.control.is_of_command and cause is Cause.AUTOPILOT:
+        what = "the autopilot follows a command of UAL from before"
     elif cause is Cause.AUTOPILOT:
         what = "the autopilot holds by itself, just after a command of UAL"
     elif state is State.FLYING_AUTO:  # nothing shows what else selects the mode in which UAL flies it

@@ -13,7 +13,8 @@ from ual_daemon.backends.firmwares.numbers import Sensor, SystemStatus
 from ual_daemon.backends.firmwares.px4 import Px4
 from ual_daemon.backends.firmwares.px4_events import event_id, read
 from ual_daemon.backends.firmwares.setpoint_monitor import SetpointMonitor
-from ual_daemon.backends.values import Cause
+from ual_daemon.backends.values import Cause, LandedState, Sample, Snapshot
+from ual_daemon.flight.manoeuvres.manoeuvre import taken_over
 
 OFFBOARD, POSCTL, RTL, HOLD = 6 << 16, 3 << 16, 4 << 16 | 5 << 24, 4 << 16 | 3 << 24
 WARNING = 0x33
@@ -137,6 +138,35 @@ def test_a_hold_just_after_an_order_about_the_mission_is_the_autopilots(
     watch.mode = watch.intended = HOLD if is_px4 else 17
     found = watch.pass_s(1.0, is_sending=False)
     assert found is (cause if is_px4 or is_switched else Cause.GROUND_STATION)
+
+
+@pytest.mark.parametrize(
+    ("after_s", "by", "text"),
+    [
+        (2.0, "autopilot", "the autopilot follows a command of UAL from before"),
+        (6.0, "ground station", "the ground station took over"),
+        (None, "ground station", "the ground station took over"),
+    ],
+)
+def test_a_landing_of_ours_that_comes_late_names_nobody_else(after_s: float | None, by: str, text: str) -> None:
+    """A go-to had begun meanwhile: it ended as if the safety pilot had taken over."""
+    watch = Px4Watch()
+    watch.pass_s(5.0, is_sending=True)
+    if after_s is not None:
+        watch.causes.on_own_command("AUTO.LAND", watch.now_s)
+        watch.pass_s(after_s, is_sending=True)
+    watch.mode = watch.intended = 4 << 16 | 6 << 24
+    watch.pass_s(1.0, is_sending=True)
+    armed, landed = Sample(True, watch.now_s), Sample(LandedState.LANDING, watch.now_s)
+    mode = Sample(watch.autopilot.mode(watch.mode), watch.now_s)
+    control = watch.causes.control_state(armed, landed, mode, "", watch.now_s)
+    error = taken_over(Snapshot(watch.now_s, control=control), "go_to_waypoint")
+    assert text in error.message
+    assert error.metadata["by"] == by
+    watch.mode = watch.intended = OFFBOARD
+    watch.pass_s(1.0, is_sending=True)
+    mode = Sample(watch.autopilot.mode(watch.mode), watch.now_s)
+    assert not watch.causes.control_state(armed, landed, mode, "", watch.now_s).is_of_command
 
 
 def test_a_pilot_who_takes_over_in_a_pause_is_named() -> None:
