@@ -107,7 +107,7 @@ class Publisher:
         period_s = 1.0 / self._settings.rate_hz
         due_s = time.monotonic()
         while not self._is_closing.is_set():
-            self._note(is_connected=publication.is_connected, why="no router is reached")
+            self._guard.contain(lambda: self._note(is_connected=publication.is_connected, why="no router is reached"))
             for report in self.reports(period_s):
                 self._put(publication, report)
             due_s = max(due_s + period_s, time.monotonic())

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import ast
 from pathlib import Path
+from typing import cast
 
 import grimp
 import pytest
 
 from tests.ual.network.samples import telemetry
 from ual.network.keys import publisher as publisher_of
+from ual.network.publishing import Publication
 from ual.network.settings import NetworkSettings
+from ual.network.values import Report
 from ual.types import Telemetry
 from ual_daemon.program.network import setup
 from ual_daemon.program.network.announcement import UavAnnouncement
@@ -98,3 +101,25 @@ def test_a_uav_that_cannot_be_reported_silences_no_other() -> None:
     teller.begin([reported("uav_1"), broken, reported("uav_3")])
     for _ in range(2):
         assert [uav.ns for each in teller.reports(0.01) for uav in each.uavs] == ["uav_1", "uav_3"]
+
+
+def test_a_session_that_cannot_say_whether_it_is_connected_does_not_end_the_reports() -> None:
+    """The thread ended, and its UAVs were gone from the network until a restart."""
+    teller = Publisher(NetworkSettings(rate_hz=50.0), publisher_of(["uav_1"]))
+    sent: list[Report] = []
+
+    class BrokenOnce:
+        @property
+        def is_connected(self) -> bool:
+            if len(sent) == 1:
+                raise OSError("the session is closed")
+            return True
+
+        def put(self, report: Report) -> None:
+            sent.append(report)
+            if len(sent) == 3:
+                teller.close()
+
+    teller.begin([reported("uav_1")])
+    teller._publish(cast("Publication", BrokenOnce()))
+    assert len(sent) == 3
