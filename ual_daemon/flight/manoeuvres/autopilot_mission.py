@@ -144,6 +144,8 @@ class AutopilotMission(Manoeuvre):
         """Time at which the mission was entered first, before any pause; infinity until then."""
         self._watch = MissionWatch(offer, kept)
         self._left_out = LeftOutItems(kept.items)
+        self._jump: tuple[int, Future[None]] | None = None
+        """The last jump of UAL: to which item, and its future."""
         self._before: Led | None = None
         """Modes to which the mission before, or its stop, may lead late; None where there was none."""
         self._is_ending = False
@@ -252,7 +254,9 @@ class AutopilotMission(Manoeuvre):
             )
 
         self._left_out.jumps_to(item)
-        return self._offer.set_current(self._kept.items, item, lambda: self._why_not() or refusal(), anew=False)
+        future = self._offer.set_current(self._kept.items, item, lambda: self._why_not() or refusal(), anew=False)
+        self._jump = item, future
+        return future
 
     @override
     def led_to(self, snapshot: Snapshot) -> bool | None:
@@ -526,7 +530,9 @@ class AutopilotMission(Manoeuvre):
         """Returns whether it has entered the mode in which it holds after a mission, and may still tell its end."""
         is_done = _mode(snapshot) == self._offer.done_mode != self._offer.mode
         is_done = is_done and not _is_by_others(snapshot)
-        item = max(self._item, self._left_out.next_own)  # a jump of UAL may be reported after its effect
+        jump = self._jump
+        is_jumping = jump is not None and not jump[1].done()  # it may be reported after its effect
+        item = max(self._item, jump[0]) if jump is not None and is_jumping else self._item
         if not is_done or item < self._last_moving or self._ends_by(Land, ReturnToLaunch):
             self._done_s = None
             return False

@@ -47,12 +47,6 @@ class LeftOutItems:
         with self._lock:
             self._own = (*self._own, item)[-_MOST_JUMPS:]
 
-    @property
-    def next_own(self) -> int:
-        """The item to which UAL has jumped last and which is not reported yet; 0 where there is none."""
-        own = self._own
-        return own[-1] if own else 0
-
     def forget(self) -> None:
         """Begins again with the next report: the mission was not flown, or not seen, for a while."""
         if self._told is not None:

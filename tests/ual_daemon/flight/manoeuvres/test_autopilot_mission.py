@@ -281,15 +281,25 @@ def test_a_failsafe_that_holds_at_the_last_item_is_no_end_of_the_mission(lab: La
     assert step.error.metadata["by"] == "rc failsafe"
 
 
-def test_a_hold_before_a_jump_of_ours_to_the_last_item_is_reported_may_be_its_end(lab: Lab) -> None:
+@pytest.mark.parametrize("is_refused", [False, True])
+def test_a_hold_before_a_jump_of_ours_to_the_last_item_is_reported_may_be_its_end(
+    lab: Lab, *, is_refused: bool
+) -> None:
     """A ground station was named at once."""
     lab.kept = KeptMission((*KEPT.items, Waypoint(47.1, 8.0, 5.0)), "1", 5)
     lab.mission = lab.make()
     lab.fly()
     lab.offer.told = MissionReport(MissionStage.ACTIVE, 1, None, lab.autopilot.time_s, 5)
     lab.run()
+    lab.offer.chosen = Future()
     lab.mission.jump(2, lambda: None)
     lab.autopilot.mode, lab.autopilot.held_by = lab.offer.done_mode, Cause.AUTOPILOT
+    if is_refused:
+        lab.offer.chosen.set_exception(RejectedByAutopilotError("it has no such item"))
+        step = lab.autopilot.step(lab.mission)
+        assert step.is_taken
+        assert "the autopilot holds by itself, just after a command of UAL" in str(step.error)
+        return
     lab.run()
     lab.offer.told = MissionReport(MissionStage.COMPLETE, 2, None, lab.autopilot.time_s, 5)
     with pytest.raises(NotImplementedError):  # it takes the control back
