@@ -81,7 +81,7 @@ class Calls:
     ) -> None:
         self.headroom = headroom
         """Refuses what needs more memory than is left."""
-        headroom.servers.add(self)
+        headroom.add(self)
         self.standstill = standstill or Standstill()
         """Refuses what may have waited unread, where it moves something."""
         self.motion_gate = motion_gate

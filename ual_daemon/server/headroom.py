@@ -61,14 +61,19 @@ class Headroom:
     def __init__(
         self, free_bytes: Callable[[], float] | None = None, clock: Callable[[], float] = time.monotonic
     ) -> None:
-        self.servers: weakref.WeakSet[RequestReader] = weakref.WeakSet()
-        """Readers of requests in this process."""
+        self._servers: tuple[weakref.ref[RequestReader], ...] = ()
+        """Readers of requests in this process. Replaced as a whole: it is gone through without the lock."""
         self._free_bytes = free_bytes or limits_of_this_process()
         self._clock = clock
         self._looked_s = -math.inf
         self._known_free_bytes = math.inf
         self._promises: list[tuple[float, int]] = []
         self._lock = threading.Lock()
+
+    def add(self, server: RequestReader) -> None:
+        """Adds a reader of requests in this process, for as long as it lives."""
+        with self._lock:
+            self._servers = (*(each for each in self._servers if each() is not None), weakref.ref(server))
 
     def require_room(self, method: str) -> None:
         """Requires room for a request that has not been read yet. Not for those of `FLIES_ON`.
@@ -81,7 +86,8 @@ class Headroom:
         if now_s - self._looked_s >= _MEMORY_CHECK_S:
             self._looked_s = now_s
             self._known_free_bytes = self._free_bytes()
-        unread_count = sum(server.without_request_count for server in self.servers)
+        servers = [each() for each in self._servers]
+        unread_count = sum(each.without_request_count for each in servers if each is not None)
         self._require(method, self._known_free_bytes, (unread_count + 1) * MOST_REQUEST_BYTES)
 
     def require_room_to_work(self, method: str, size_bytes: int) -> None:

@@ -53,7 +53,7 @@ def test_what_others_may_send_meanwhile_is_not_free() -> None:
     headroom = leaving(RESERVE_BYTES + 2 * MOST_REQUEST_BYTES)
     headroom.require_room(READS)
     server = Server()
-    headroom.servers.add(server)
+    headroom.add(server)
     with pytest.raises(ResourceExhaustedError):
         headroom.require_room(READS)
 
@@ -153,3 +153,24 @@ def test_a_daemon_with_30_mb_left_refuses_a_flood_of_large_requests_and_flies_on
             stub.SetVelocity(velocity, timeout=LIMIT_S)
         assert grpc.StatusCode.RESOURCE_EXHAUSTED in set(floods)
     stub.Land(pb.LandRequest(), timeout=LIMIT_S)
+
+
+def test_a_server_that_is_added_while_another_thread_counts_breaks_no_count() -> None:
+    headroom = Headroom(lambda: math.inf, lambda: 0.0)
+    kept: list[Adding] = []
+
+    class Adding:
+        """A reader; another one begins as it is asked."""
+
+        @property
+        def without_request_count(self) -> int:
+            if len(kept) < 3:
+                kept.append(Adding())
+                headroom.add(kept[-1])
+            return 1
+
+    kept.append(Adding())
+    headroom.add(kept[0])
+    for _ in range(3):
+        headroom.require_room("/ual.v1.UalService/GetInfo")
+    assert len(kept) == 3
