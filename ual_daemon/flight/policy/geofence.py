@@ -32,9 +32,7 @@ from ual_daemon.trajectory import Trajectory
 _POINT_PERIOD_S = 0.1
 """The time between the points that are checked on a bend of a trajectory, near the edge, ..."""
 _MAX_POINTS = 200
-"""... and most points of a long bend. (Of a straight part, only the ends are checked.) (Of a straight part, only the
-ends are checked.)
-"""
+"""... and most points of a long bend. (Of a straight part, only the ends are checked.)"""
 _SPEED_MARGIN_FACTOR = 2.0
 """A trajectory is assumed to be nowhere faster than this many times the limits and the speed of its start."""
 _GENTLE_DESCENT_M_S = 0.2
