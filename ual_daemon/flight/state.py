@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 
 from ual.types import State
 from ual_daemon.backends.values import NEVER_S, Cause, Control, Freshness, LandedState, Sample, Snapshot
+from ual_daemon.immutable import immutable
 
 _SCHEDULING_GAP_S = 0.5
 """A backend publishes every 0.1 s at least; one that has not for this long is starved."""
@@ -22,7 +23,7 @@ _REFERENCES, _TAKE_OFF, _LAND = Control.REFERENCES, Control.TAKE_OFF, Control.LA
 """As names of the module: Python looks up a member of an enumeration by a call, and each update would pay."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable
 class Estimate:
     """The state, why it is that state (human-readable), and whether anything is heard from the autopilot."""
 

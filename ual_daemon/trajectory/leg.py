@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from ual.geometry import Vector3
+from ual_daemon.immutable import immutable
 from ual_daemon.trajectory.pulse import Pulse, change_m
 
 
-@dataclass(frozen=True, slots=True)
+@immutable
 class Leg:
     """Changes the speed along a direction to a peak, keeps it, and changes it to the speed at the end. Then the
     velocity changes by a pulse to that of the next leg. The acceleration is 0 in between.

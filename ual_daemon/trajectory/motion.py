@@ -4,21 +4,23 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from types import MappingProxyType
 
 from ual.geometry import Vector3
 from ual.types import Limits
+from ual_daemon.immutable import immutable
+
+_ZERO = Vector3()
 
 
-@dataclass(frozen=True, slots=True)
+@immutable
 class Motion:
     """The state of a trajectory at one time, in the local frame: position, heading, and their derivatives by time."""
 
     position: Vector3
     yaw_rad: float
-    velocity: Vector3 = field(default_factory=Vector3)
-    acceleration: Vector3 = field(default_factory=Vector3)
+    velocity: Vector3 = _ZERO
+    acceleration: Vector3 = _ZERO
     yaw_rate_rad_s: float = 0.0
     yaw_acceleration_rad_s2: float = 0.0
 

@@ -11,12 +11,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
+from ual_daemon.immutable import immutable
 from ual_daemon.trajectory.envelope import RAMP_S
 
 
-@dataclass(frozen=True, slots=True)
+@immutable
 class Pulse:
     """The acceleration of a change: it rises for `ramp_s`, holds for `hold_s`, falls for `ramp_s`."""
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Generic, TypeVar
+
+from ual_daemon.immutable import immutable
 
 T_co = TypeVar("T_co", covariant=True)
 
@@ -11,7 +12,7 @@ NEVER_S = float("-inf")
 """The time of a sample that will come but has not come yet. (None instead of a sample means that none will come.)"""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable
 class Sample(Generic[T_co]):
     """A value with the time (backend clock) at which it was received."""
 

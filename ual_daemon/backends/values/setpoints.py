@@ -2,23 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from ual.geometry import Pose, Vector3
+from ual_daemon.immutable import immutable
+
+_ZERO = Vector3()
 
 
-@dataclass(frozen=True, slots=True)
+@immutable
 class PositionSetpoint:
     """A position and heading in the local frame, with velocity, acceleration and yaw rate as feed-forward."""
 
     position: Vector3
     yaw_rad: float
-    velocity: Vector3 = field(default_factory=Vector3)
-    acceleration: Vector3 = field(default_factory=Vector3)
+    velocity: Vector3 = _ZERO
+    acceleration: Vector3 = _ZERO
     yaw_rate_rad_s: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
+@immutable
 class VelocitySetpoint:
     """A velocity along the local axes and a yaw rate (positive: to the left).
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import NamedTuple
 
 from ual.geometry import Pose, Twist, Vector3
@@ -12,12 +11,13 @@ from ual_daemon.backends.values.autopilot_fence import AutopilotFence
 from ual_daemon.backends.values.modes import Cause, LandedState, Mode
 from ual_daemon.backends.values.sample import Sample
 from ual_daemon.geodesy import Projection, is_zero
+from ual_daemon.immutable import immutable
 
 _ON_GROUND = LandedState.ON_GROUND
 """As a name of the module: Python looks up a member of an enumeration by a call, and each update would pay."""
 
 
-@dataclass(frozen=True, slots=True)
+@immutable
 class Estimator:
     """Whether the autopilot trusts its position estimate, and if not, why, in the autopilot's words."""
 
