@@ -25,4 +25,4 @@ def value_of(snapshot: Snapshot, name: str) -> Any:
 
 
 def _group_of(snapshot: Snapshot, name: str) -> str | None:
-    return next((group for group in _GROUPS if name in getattr(snapshot, group)._fields), None)
+    return next((group for group in _GROUPS if hasattr(getattr(snapshot, group), name)), None)

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import pytest
@@ -363,7 +364,7 @@ def test_old_data_never_decides(given_snapshot: Snapshot, freshness: Freshness, 
 
 
 def test_a_snapshot_at_another_time_is_otherwise_the_same() -> None:
-    numbers = Snapshot(*range(len(Snapshot._fields)))
+    numbers = Snapshot(*range(len(dataclasses.fields(Snapshot))))
     assert numbers.at(99.0) == numbers._replace(time_s=99.0)
 
 

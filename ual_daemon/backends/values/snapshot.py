@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+from typing_extensions import Self
 
 from ual.geometry import Pose, Twist, Vector3
 from ual.types import Battery, GeoPoint, GpsFix, GpsInfo, Health
@@ -31,7 +34,18 @@ class Estimator:
         return self.is_good and last is not None and not last.value.is_good
 
 
-class ControlState(NamedTuple):
+class _Group:
+    """The base of snapshots and their groups."""
+
+    __slots__ = ()
+
+    def _replace(self, **changes: Any) -> Self:  # noqa: ANN401  as the fields
+        """Returns the same with other values of some fields."""
+        return replace(self, **changes)  # type: ignore[type-var]  # each group is a dataclass
+
+
+@immutable
+class ControlState(_Group):
     """State of the control: armed, on the ground or not, its mode, and causes that keep UAL from flying.
 
     Attributes:
@@ -90,7 +104,8 @@ class ControlState(NamedTuple):
         return mode.value.name
 
 
-class MotionState(NamedTuple):
+@immutable
+class MotionState(_Group):
     """Position and motion of the vehicle, by the autopilot's estimate, and the quality of that.
 
     Attributes:
@@ -112,7 +127,8 @@ class MotionState(NamedTuple):
     measured_s: float = 0.0
 
 
-class EarthReference(NamedTuple):
+@immutable
+class EarthReference(_Group):
     """Pose of the local frame on Earth, and the position of home. It seldom changes.
 
     Attributes:
@@ -146,7 +162,8 @@ class SevereText(NamedTuple):
     time_s: float
 
 
-class Condition(NamedTuple):
+@immutable
+class Condition(_Group):
     """Condition of the vehicle, above all for users.
 
     Attributes:
@@ -170,7 +187,8 @@ class Condition(NamedTuple):
     aids: str = ""
 
 
-class LinkState(NamedTuple):
+@immutable
+class LinkState(_Group):
     """Trouble of the link, and the count of the autopilot's boots. It seldom changes.
 
     Attributes:
@@ -197,7 +215,8 @@ class LinkState(NamedTuple):
         return self.boots_count + self.boots_in_frame_count
 
 
-class Snapshot(NamedTuple):
+@immutable
+class Snapshot(_Group):
     """The newest values from the autopilot, in groups; None for a value that it has not sent (yet).
 
     A group is immutable, too: where nothing of it has changed, it may be the same object from one snapshot to the next.
@@ -236,8 +255,20 @@ class Snapshot(NamedTuple):
         return self._replace(link=self.link._replace(trouble=why), condition=self.condition._replace(status_text=why))
 
     def at(self, time_s: float) -> Snapshot:
-        """Returns the same values at another time. Every setpoint needs this: `Snapshot` is a tuple to make it fast."""
-        return Snapshot._make((time_s, *self[1:]))
+        """Returns the same values at another time. Every setpoint needs this, so it names no field."""
+        return Snapshot(
+            time_s,
+            self.heard_s,
+            self.updated_s,
+            self.scheduling_gap,
+            self.sequence,
+            self.control,
+            self.motion,
+            self.earth,
+            self.condition,
+            self.link,
+            self.autopilot_fence,
+        )
 
     def position_geo(self) -> GeoPoint | None:
         """Returns the position on Earth: as the autopilot reports it, or by its projection.

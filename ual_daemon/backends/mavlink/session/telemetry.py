@@ -129,9 +129,10 @@ class AutopilotTelemetry:
         self.changed_parameter = ""
         """The name of one that has come with another value than before, so that it should be read again."""
         self.fence = FenceReader(dialect, self.parameters, awaits_zones=dialect.has_zones)
-        self._earth = EarthReference()
-        self._condition = Condition()
-        self._link = LinkState()
+        self._earth: tuple[tuple[object, ...], EarthReference] = ((), EarthReference())
+        self._condition: tuple[tuple[object, ...], Condition] = ((), Condition())
+        self._link: tuple[tuple[object, ...], LinkState] = ((), LinkState())
+        """The groups that change seldom, each after its values: comparing these costs less than making a group."""
         self.message_counts: Counter[int] = Counter()
         """Messages of each id that came since it booted."""
         self._handlers: dict[int, Callable[[Message, float, float], None]] = {
@@ -268,19 +269,19 @@ class AutopilotTelemetry:
         home = self._home.sample
         altitude_m, place = (None, None) if home is None else home.value
         earth = (self.origin.projection, place, altitude_m, self._geoid_separation_m)
-        if earth != self._earth:  # seldom: to compare a group costs less than to make it
-            self._earth = EarthReference(*earth)
+        if earth != self._earth[0]:
+            self._earth = earth, EarthReference(*earth)
         gps = self._gps
         if gps is not None and corrections is not NO_CORRECTIONS:
             gps = replace(gps, corrections_age_s=corrections.age_s, baseline_m=corrections.baseline_m)
         batteries = self._batteries.all
         text, has_rangefinder = self._status_text.text, self._has_rangefinder
         condition = (self._battery, gps, text, health, has_rangefinder, batteries, severe_texts, aids)
-        if condition != self._condition:
-            self._condition = Condition(*condition)
+        if condition != self._condition[0]:
+            self._condition = condition, Condition(*condition)
         link = ("", refused, self.conflict, self._boots_count, 0)
-        if link != self._link:
-            self._link = LinkState(*link)
+        if link != self._link[0]:
+            self._link = link, LinkState(*link)
         motion = MotionState(
             estimator=self.estimator.sample,
             pose=self.pose.sample,
@@ -296,9 +297,9 @@ class AutopilotTelemetry:
             scheduling_gap,
             control=control or ControlState(self.armed.sample, self.landed.sample, self.mode.sample),
             motion=motion,
-            earth=self._earth,
-            condition=self._condition,
-            link=self._link,
+            earth=self._earth[1],
+            condition=self._condition[1],
+            link=self._link[1],
             autopilot_fence=self.fence.limits,
         )
 
