@@ -7,12 +7,12 @@ import random
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import replace
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from typing_extensions import override
 
 from ual.errors import RejectedByAutopilotError
-from ual.geometry import Pose, Quaternion, Twist, Vector3, wrap_angle
+from ual.geometry import IDENTITY, Pose, Quaternion, Twist, Vector3, wrap_angle
 from ual.interface import Simulation
 from ual.simulation import Command
 from ual.types import Battery, Capability, GpsFix, GpsInfo, Health, Limits
@@ -61,6 +61,9 @@ _EXTERNAL_POSE_TIMEOUT_S = 0.5
 """Seconds without an external pose after which the position is lost, without satellites."""
 _LOWEST_BATTERY_PERCENT = 5.0
 _FULL_V, _EMPTY_V = 16.8, 13.2
+_STATUS_PERIOD_S = 0.1
+"""Between two reports of what has not changed: all but the motion."""
+_ZERO = Vector3()
 _STEPS_PER_SEED = 1 << 40
 """Larger than the number of steps in any world, so that no two vehicles use the same seed."""
 
@@ -68,6 +71,16 @@ _CONTROLS = {FlightMode.GUIDED: Control.REFERENCES, FlightMode.LAND: Control.LAN
 _MODES = [
     Mode(mode.name, _CONTROLS.get(mode, Control.OTHER), is_autonomous=mode is FlightMode.HOLD) for mode in FlightMode
 ]
+
+
+class _Status(NamedTuple):
+    """All but the motion, as it was reported last, when that was, and the values that make the next report urgent."""
+
+    time_s: float = -math.inf
+    values: tuple[object, ...] = ()
+    control: ControlState = ControlState()
+    estimator: Sample[Estimator] | None = None
+    condition: Condition = Condition()
 
 
 class _Stepped:
@@ -129,6 +142,8 @@ class LightBackend(Backend):
         self._corrections = LightCorrections(self.world.now_s)
         self._offers = derived.offers(self.world.now_s, lambda: self._faults.is_link_lost)
         self._snapshot = Snapshot(0.0)
+        self._status = _Status()
+        self._yaw, self._orientation = 0.0, IDENTITY
         self._gimbals = LightGimbals(settings.gimbals, self._moment)
         self._cameras = LightCameras(
             settings.cameras, settings.seed, self._camera_moment, self.world.painter, self._gimbals.gimbals
@@ -389,23 +404,30 @@ class LightBackend(Backend):
         return GimbalMoment(self.world.now_s(), float(self.world.fleet.yaw[self._index]), self._faults.is_link_lost)
 
     def _after_step(self) -> None:
-        now_s = self.world.now_s()
-        self._faults.step(now_s)
+        now_s, faults = self.world.now_s(), self._faults
         with self.world.lock:
-            if self._is_faulty or self._faults.any_active:
-                self._is_faulty = self._faults.any_active  # applies once more after the last fault has ended
-                self._faults.apply(self.world.fleet, self._index, now_s)
+            if self._is_faulty or faults.any_active:
+                faults.step(now_s)
+                self._is_faulty = faults.any_active  # applies once more after the last fault has ended
+                faults.apply(self.world.fleet, self._index, now_s)
                 self._apply_external_pose(now_s)
-            self._update_snapshot()
+                self._update_snapshot()
+            else:
+                self._update_snapshot(self.world.fleet.report_of_step(self._index))
         if self._cameras.is_busy:
             self._contained.call(lambda: self._cameras.step(self._camera_moment()))
+        if self._late_acks:
+            self._acknowledge(now_s)
+        if self._loop is not None:
+            self._loop.publish(now_s)
+
+    def _acknowledge(self, now_s: float) -> None:
+        """Ends the acknowledgements that are due."""
         for due_s, ack in list(self._late_acks):
             if now_s >= due_s:
                 self._late_acks.remove((due_s, ack))
                 if ack.set_running_or_notify_cancel():
                     ack.set_result(None)
-        if self._loop is not None:
-            self._loop.publish(now_s)
 
     def _apply_external_pose(self, now_s: float) -> None:
         """Takes the place of the satellites: the estimate is where the newest pose from outside says, while it is new.
@@ -431,65 +453,85 @@ class LightBackend(Backend):
         )
         return position, velocity
 
-    def _update_snapshot(self) -> Snapshot:
+    def _update_snapshot(self, report: LightReport | None = None) -> Snapshot:
         """Sets and returns the snapshot of this step. While the link is lost, only its time changes. The caller holds
-        the world's lock.
+        the world's lock. `report` is that of the step; None: as it is now.
         """
         now_s = self.world.now_s()
         self._snapshot_step = self.world.steps
         if self._faults.is_link_lost:
             self._snapshot = self._snapshot._replace(time_s=now_s, updated_s=now_s, sequence=self._snapshot_step)
             return self._snapshot
-        report = self.world.fleet.report(self._index)
-        position, velocity = Vector3(*report.position), Vector3(*report.velocity)
+        place, speed, yaw, yaw_rate, mode, is_armed, is_landed, has_position, percent = (
+            report or self.world.fleet.report(self._index)
+        )
+        (x, y, z), (vx, vy, vz) = place, speed
+        position, velocity = Vector3(x, y, z), Vector3(vx, vy, vz)
         if any(self._noise_sigmas):
             position_noise, velocity_noise = self._noise()
             position, velocity = position + position_noise, velocity + velocity_noise
-        percent = report.battery_percent
-        if report.mode != FlightMode.HOLD:
-            self._holds_by = None
-        landed = LandedState.ON_GROUND if report.is_landed else LandedState.IN_AIR
-        if report.mode == FlightMode.LAND and not report.is_landed:
-            landed = LandedState.LANDING
+        if yaw != self._yaw:
+            self._yaw, self._orientation = yaw, Quaternion.from_yaw(yaw)
+        pose = Pose(position, self._orientation)
+        twist = Twist(velocity, Vector3(0.0, 0.0, yaw_rate) if yaw_rate else _ZERO)
+        self._report_status(now_s, mode, is_armed, is_landed, has_position, percent)
+        estimator = self._status.estimator
         self._snapshot = Snapshot(
-            time_s=now_s,
-            heard_s=now_s,
-            sequence=self.world.steps,
-            updated_s=now_s,
-            control=ControlState(
-                armed=Sample(report.is_armed, now_s),
-                landed=Sample(landed, now_s),
-                mode=Sample(_MODES[report.mode], now_s),
-                failsafe=self._faults.failsafe,
-                held_by=Cause.SAFETY_PILOT if report.mode == FlightMode.MANUAL else self._holds_by,
-            ),
-            motion=MotionState(
-                stamp_s=self.world.epoch_s + now_s,
-                estimator=Sample(_GOOD if report.has_position else _LOST, now_s),
-                pose=Sample(Pose(position, Quaternion.from_yaw(report.yaw)), now_s),
-                velocity=Sample(Twist(velocity, Vector3(0.0, 0.0, report.yaw_rate)), now_s),
-            ),
-            earth=self._earth,
-            condition=Condition(
-                battery=Battery(
-                    percent, _EMPTY_V + (_FULL_V - _EMPTY_V) * percent / 100.0, 12.0 if report.is_armed else 0.5
-                ),
-                gps=_gps(report, self._corrections.age_s),
-                status_text=self._status_text,
-                health=_health(report, self.world.lag_s),
-            ),
+            now_s,
+            now_s,
+            now_s,
+            "",
+            self._snapshot_step,
+            self._status.control,
+            MotionState(estimator, Sample(pose, now_s), Sample(twist, now_s), None, self.world.epoch_s + now_s),
+            self._earth,
+            self._status.condition,
         )
         return self._snapshot
+
+    def _report_status(
+        self, now_s: float, mode: int, is_armed: bool, is_landed: bool, has_position: bool, percent: float
+    ) -> None:
+        """Reports all but the motion as autopilots do: at once where it has changed, else every `_STATUS_PERIOD_S`."""
+        if mode != FlightMode.HOLD:
+            self._holds_by = None
+        failsafe, holds_by, text = self._faults.failsafe, self._holds_by, self._status_text
+        values = mode, is_armed, is_landed, has_position, failsafe, holds_by, text, percent < _LOWEST_BATTERY_PERCENT
+        last = self._status
+        if values == last.values and 0.0 <= now_s - last.time_s < _STATUS_PERIOD_S:
+            return
+        landed = LandedState.ON_GROUND if is_landed else LandedState.IN_AIR
+        if mode == FlightMode.LAND and not is_landed:
+            landed = LandedState.LANDING
+        battery = Battery(percent, _EMPTY_V + (_FULL_V - _EMPTY_V) * percent / 100.0, 12.0 if is_armed else 0.5)
+        self._status = _Status(
+            now_s,
+            values,
+            ControlState(
+                armed=Sample(is_armed, now_s),
+                landed=Sample(landed, now_s),
+                mode=Sample(_MODES[mode], now_s),
+                failsafe=failsafe,
+                held_by=Cause.SAFETY_PILOT if mode == FlightMode.MANUAL else holds_by,
+            ),
+            Sample(_GOOD if has_position else _LOST, now_s),
+            Condition(
+                battery=battery,
+                gps=_gps(self._corrections.age_s, has_position=has_position),
+                status_text=text,
+                health=_health(percent, self.world.lag_s, has_position=has_position),
+            ),
+        )
 
 
 _READY, _BLIND, _EMPTY = Health(True), Health(False, ("position",)), Health(False, ("battery",))
 
 
-def _health(report: LightReport, lag_s: float) -> Health:
+def _health(percent: float, lag_s: float, *, has_position: bool) -> Health:
     found = _READY
-    if not report.has_position:
+    if not has_position:
         found = _BLIND
-    elif report.battery_percent < _LOWEST_BATTERY_PERCENT:
+    elif percent < _LOWEST_BATTERY_PERCENT:
         found = _EMPTY
     if lag_s <= LAG_S:
         return found
@@ -499,8 +541,8 @@ def _health(report: LightReport, lag_s: float) -> Health:
 _FIX, _NO_FIX = GpsInfo(GpsFix.FIX_3D, 14, 0.5, 0.8), GpsInfo(GpsFix.NONE)
 
 
-def _gps(report: LightReport, corrections_age_s: float | None) -> GpsInfo:
-    fix = _FIX if report.has_position else _NO_FIX
+def _gps(corrections_age_s: float | None, *, has_position: bool) -> GpsInfo:
+    fix = _FIX if has_position else _NO_FIX
     return fix if corrections_age_s is None else replace(fix, corrections_age_s=corrections_age_s)
 
 

@@ -357,7 +357,7 @@ class LightCameras(CameraDrivers):
     @property
     def is_busy(self) -> bool:
         """Whether `step` is to be called after each step of the world."""
-        return any(each.is_busy for each in self._cameras)
+        return bool(self._cameras) and any(each.is_busy for each in self._cameras)
 
     def step(self, seen: CameraMoment) -> None:
         """Takes the pictures that are due."""

@@ -35,6 +35,12 @@ class Faults:
         self._clock = clock
         self._lock = threading.Lock()
         self._active: Mapping[str, tuple[Fault, float, float]] = MappingProxyType({})  # fault, begin, end
+        self.any_active = False
+        """Whether any fault is active. An attribute, as each step looks; so are those that follow."""
+        self.is_link_lost = False
+        """Whether the link carries no messages in either direction."""
+        self.failsafe: Cause | None = None
+        """The failsafe that is active; None if none is."""
 
     def begin(self, fault: Fault, duration_s: float) -> str:
         """Begins a fault, for a duration or (0) until `end`. Returns the fault's id.
@@ -48,7 +54,7 @@ class Faults:
         fault_id = os.urandom(4).hex()
         ends_s = now_s + duration_s if duration_s else math.inf
         with self._lock:
-            self._active = MappingProxyType({**self._active, fault_id: (fault, now_s, ends_s)})
+            self._set({**self._active, fault_id: (fault, now_s, ends_s)})
         return fault_id
 
     def end(self, fault_id: str) -> None:
@@ -61,23 +67,26 @@ class Faults:
             if fault_id and fault_id not in self._active:
                 raise InvalidArgumentError(f"fault_id: there is no fault {fault_id[:100]!r}", {"field": "fault_id"})
             kept = {other: entry for other, entry in self._active.items() if fault_id and other != fault_id}
-            self._active = MappingProxyType(kept)
+            self._set(kept)
 
     def active(self) -> dict[str, Fault]:
         """Returns the active faults by their ids."""
         return {fault_id: fault for fault_id, (fault, _, _) in self._active.items()}
 
-    @property
-    def any_active(self) -> bool:
-        """Whether any fault is active."""
-        return bool(self._active)
+    def _set(self, active: Mapping[str, tuple[Fault, float, float]]) -> None:
+        """Sets the faults that are active. The caller holds the lock."""
+        self._active = MappingProxyType(dict(active))
+        faults = [fault for fault, _, _ in active.values()]
+        self.is_link_lost = any(isinstance(fault, LinkLost) for fault in faults)
+        failsafes = (Cause(fault.cause) for fault in faults if isinstance(fault, FailsafeTriggered))
+        self.failsafe, self.any_active = next(failsafes, None), bool(faults)
 
     def step(self, now_s: float) -> None:
         """Ends the faults whose time has passed."""
         over = [fault_id for fault_id, (_, _, ends_s) in self._active.items() if now_s >= ends_s]
         if over:
             with self._lock:
-                self._active = MappingProxyType({k: v for k, v in self._active.items() if k not in over})
+                self._set({k: v for k, v in self._active.items() if k not in over})
 
     def apply(self, fleet: Vehicles, index: int, now_s: float) -> None:
         """Applies the faults to the vehicle's row. The caller holds the world's lock."""
@@ -100,19 +109,6 @@ class Faults:
                     fleet.battery_percent[index] = min(fleet.battery_percent[index], remaining_percent)
                 case _:
                     pass  # a fault of the link, not of the vehicle
-
-    @property
-    def is_link_lost(self) -> bool:
-        """Whether the link carries no messages in either direction."""
-        return any(isinstance(fault, LinkLost) for fault, _, _ in self._active.values())
-
-    @property
-    def failsafe(self) -> Cause | None:
-        """The failsafe that is active; None if none is."""
-        for fault, _, _ in self._active.values():
-            if isinstance(fault, FailsafeTriggered):
-                return Cause(fault.cause)
-        return None
 
     def refusal(self, command: Command) -> str | None:
         """Returns the text with which the autopilot refuses a command; None if it does not refuse."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from enum import IntEnum
-from typing import Any, NamedTuple
+from typing import Any, TypeAlias
 
 from ual_daemon.backends.light.settings import LightSettings
 
@@ -42,18 +43,10 @@ class FlightMode(IntEnum):
     """Holds only the height. GUIDED and HOLD change to this when the position is lost."""
 
 
-class LightReport(NamedTuple):
-    """The values that one autopilot reports."""
-
-    position: tuple[float, float, float]
-    velocity: tuple[float, float, float]
-    yaw: float
-    yaw_rate: float
-    mode: int
-    is_armed: bool
-    is_landed: bool
-    has_position: bool
-    battery_percent: float
+LightReport: TypeAlias = tuple[Sequence[float], Sequence[float], float, float, int, bool, bool, bool, float]
+"""What one autopilot reports: position, velocity, yaw, yaw rate, mode, whether it is armed, is landed, and has a
+position, and the percent of its battery. A plain tuple, as columns of numpy give them.
+"""
 
 
 def initial_row(settings: LightSettings) -> dict[str, Any]:

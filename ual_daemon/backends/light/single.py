@@ -98,7 +98,7 @@ class Single:
 
     def report(self, index: int) -> LightReport:
         """Returns what the autopilot reports."""
-        return LightReport(
+        return (
             _sum(self.position[0], self.estimate_offset[0]),
             self.velocity[0],
             self.yaw[0],
@@ -109,6 +109,10 @@ class Single:
             self.has_position[0],
             self.battery_percent[0],
         )
+
+    def report_of_step(self, index: int) -> LightReport:
+        """Returns the same: one vehicle has no columns to convert."""
+        return self.report(index)
 
     def set_setpoint(self, index: int, setpoint: Setpoint, now_s: float) -> None:
         """Sets the setpoint of the autopilot."""
