@@ -61,9 +61,10 @@ class Explanation:
             self._other_sender = other
             level = logging.WARNING if other else logging.INFO
             logs.event(_log, level, "another_sender", why=other or "no longer seen")
-        self.note = "".join(
-            (self._not_commanded(snapshot), f"; {other}" if other else "", f"; {trouble}" if trouble else "")
-        )
+        note = "" if self._authority.is_ours else self._not_commanded(snapshot)
+        if other or trouble:
+            note = "".join((note, f"; {other}" if other else "", f"; {trouble}" if trouble else ""))
+        self.note = note
 
     def _not_commanded(self, snapshot: Snapshot) -> str:
         armed = snapshot.control.armed

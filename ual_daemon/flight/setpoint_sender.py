@@ -6,12 +6,12 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from ual_daemon.backends.base import Backend
-from ual_daemon.backends.values import Setpoint, Snapshot, Takes, VelocitySetpoint
+from ual_daemon.backends.values import PositionSetpoint, Setpoint, Snapshot, Takes, VehicleInfo, VelocitySetpoint
 from ual_daemon.flight.current_manoeuvre import CurrentManoeuvre
 from ual_daemon.flight.manoeuvres.manoeuvre import Manoeuvre
 from ual_daemon.flight.policy.dropped_positions import DroppedPositions
 from ual_daemon.tracker.limits import CurrentLimits
-from ual_daemon.tracker.setpoint_adaptation import adapted
+from ual_daemon.tracker.setpoint_adaptation import WHOLE_MOTION, adapted
 
 _DUE_PERIOD_SHARE = 0.9
 """An update sends a setpoint if none was sent for this share of the period: a margin for the jitter of the updates."""
@@ -37,6 +37,8 @@ class SetpointSender:
         self.newest: tuple[Manoeuvre | None, Setpoint | None] = (None, None)
         """Newest setpoint, and its manoeuvre. Set with the lock of what is flown held."""
         self._dropped = DroppedPositions()
+        self._whole: VehicleInfo | None = None
+        """What is known of the autopilot, if that takes positions with their whole motion, wherever they are."""
         self.on_sent: Callable[[Setpoint], None] | None = None
         """Called with each setpoint that was sent, by the thread that sends it; never blocks."""
 
@@ -53,15 +55,23 @@ class SetpointSender:
             return
         if not isinstance(setpoint, VelocitySetpoint):
             info = self._backend.info()
-            if info.drops_positions_beyond_fence and self._dropped.has(setpoint.position, snapshot):
-                info = replace(info, takes=Takes.VELOCITY)
-            setpoint = adapted(setpoint, info, snapshot, self._limits.get)
+            if info is not self._whole:
+                setpoint = self._adapted(setpoint, info, snapshot)
         given = (of, setpoint)
         with self._flown.lock:  # so that what was replaced is never the newest
             if self._flown.manoeuvre is not of:
                 return
             self.newest = given
         self.send_newest(given, setpoint, snapshot.time_s)
+
+    def _adapted(self, setpoint: PositionSetpoint, info: VehicleInfo, snapshot: Snapshot) -> Setpoint:
+        """Returns it as an autopilot takes it; see `adapted`. Keeps the one that takes every position as it is."""
+        if info.drops_positions_beyond_fence:
+            if self._dropped.has(setpoint.position, snapshot):
+                info = replace(info, takes=Takes.VELOCITY)
+        elif WHOLE_MOTION in info.takes:
+            self._whole = info
+        return adapted(setpoint, info, snapshot, self._limits.get)
 
     def send_newest(self, given: tuple[Manoeuvre, Setpoint], setpoint: Setpoint, now_s: float) -> None:
         """Sends the setpoint that was just made the newest, with the lock of what is flown held."""

@@ -23,7 +23,8 @@ from ual_daemon.flight.setpoint_sender import SetpointSender
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.stopping import Stopping, motion_if_near
 from ual_daemon.flight.watched_commands import WatchedCommands
-from ual_daemon.tracker.references import Velocity
+from ual_daemon.tracker.drift import Before
+from ual_daemon.tracker.references import Reference, Velocity
 
 _log = logging.getLogger(__name__)
 
@@ -52,6 +53,9 @@ class FlightStepper:
         self._stopping = stopping
         self._watched = watched
         self._fitting = Fitting(backend, rules.limits, rules.geofence)
+        self._current: Reference | None = None
+        self._before: Before = _nothing_before
+        """The motion of that reference, where the UAV is near it."""
 
     def update(self, snapshot: Snapshot, raw: Estimate) -> None:
         """Makes one update. `raw` is the state that the data show, without what is flown."""
@@ -69,8 +73,11 @@ class FlightStepper:
         current = None if manoeuvre is None else manoeuvre.current_reference()
         if current is None:
             self._rules.drift.forget()
+            self._current, self._before = None, _nothing_before
         elif not isinstance(current, Velocity):
-            self._rules.drift.stand_by(partial(motion_if_near, current), snapshot)
+            if current is not self._current:
+                self._current, self._before = current, partial(motion_if_near, current)
+            self._rules.drift.stand_by(self._before, snapshot)
 
     def _step(self, snapshot: Snapshot, raw: Estimate) -> None:
         """Steps what is flown, and where that ends, the reference that follows it."""
@@ -104,7 +111,9 @@ class FlightStepper:
             manoeuvre.command.withdraw()  # another thread has replaced it, perhaps before its step sent this
         if manoeuvre.is_awaited and not step.is_taken and raw.state is not State.UNINITIALIZED:
             # Not where a command in this moment must see what took it, and not where no step has assessed the mode.
-            manoeuvre.mode_seen = snapshot.control.settled_mode or manoeuvre.mode_seen
+            mode = snapshot.control.mode
+            if mode is None or mode.value.name != manoeuvre.mode_seen:  # else it stays, settled or not
+                manoeuvre.mode_seen = snapshot.control.settled_mode or manoeuvre.mode_seen
         return self._do(manoeuvre, step, snapshot)
 
     def _do(self, manoeuvre: Manoeuvre, step: Step, snapshot: Snapshot) -> bool:
@@ -172,6 +181,10 @@ class FlightStepper:
         with suppress(WrongStateError):  # UAL is shutting down
             self._watched.add(command, _is_control_released)
         command.send(send, snapshot)
+
+
+def _nothing_before(_: Snapshot) -> None:
+    """No reference is flown."""
 
 
 def has_led_to_ground(manoeuvre: Manoeuvre, snapshot: Snapshot) -> bool:

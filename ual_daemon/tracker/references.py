@@ -11,7 +11,14 @@ from typing_extensions import override
 from ual.errors import UalError, WrongStateError
 from ual.geometry import Pose, Quaternion, Twist, Vector3, wrap_angle
 from ual.types import Limits
-from ual_daemon.backends.values import PositionSetpoint, Setpoint, Snapshot, VelocityResponses, VelocitySetpoint
+from ual_daemon.backends.values import (
+    MotionState,
+    PositionSetpoint,
+    Setpoint,
+    Snapshot,
+    VelocityResponses,
+    VelocitySetpoint,
+)
 from ual_daemon.settings import ToleranceSettings
 from ual_daemon.tracker.drift import DriftCorrection
 from ual_daemon.tracker.time_scaling import TimeScaling
@@ -20,6 +27,7 @@ from ual_daemon.trajectory import Brake, Motion, Moved, Trajectory
 VELOCITY_TIMEOUT_S = 0.5
 """Seconds without a renewal after which a velocity reference ends: the UAV stops and holds (contract)."""
 
+_ZERO = Vector3()
 _FREE_LAG_M = 0.5
 _FREE_LAG_S = 0.4
 _LONGEST_LAG_M = 1.5
@@ -203,6 +211,8 @@ class TrajectoryReference(Reference):
         motion, here = self._time.motion, snapshot.motion.pose.value.position
         there, v = motion.position, motion.velocity  # in plain numbers, as each update calls it
         lag_m = math.hypot(there.x - here.x, there.y - here.y, there.z - here.z)
+        if lag_m <= _FREE_LAG_M:  # nearly always
+            return 1.0
         free_m = _FREE_LAG_M + _FREE_LAG_S * math.hypot(v.x, v.y, v.z)
         return max(0.0, min(1.0, 1.0 - (lag_m - free_m) / _LONGEST_LAG_M))
 
@@ -289,13 +299,23 @@ def measured_motion(snapshot: Snapshot) -> Motion:
         WrongStateError: It is not known where the UAV is.
 
     """
-    if snapshot.motion.pose is None:
-        raise WrongStateError("the autopilot has not said where the UAV is (its pose)", {"needed": "pose"})
-    pose = snapshot.motion.pose.value
-    if snapshot.motion.velocity is None:
+    return motion_of(snapshot.motion)
+
+
+def motion_of(measured: MotionState) -> Motion:
+    """Returns the same; see `measured_motion`, also for what is raised."""
+    if measured.pose is None:
+        raise unknown_place()
+    pose = measured.pose.value
+    if measured.velocity is None:
         return Motion(pose.position, pose.yaw_rad)
-    twist = snapshot.motion.velocity.value
-    return Motion(pose.position, pose.yaw_rad, twist.linear, yaw_rate_rad_s=twist.angular.z)
+    twist = measured.velocity.value
+    return Motion(pose.position, pose.yaw_rad, twist.linear, _ZERO, twist.angular.z)
+
+
+def unknown_place() -> WrongStateError:
+    """Returns the error of who must know where the UAV is."""
+    return WrongStateError("the autopilot has not said where the UAV is (its pose)", {"needed": "pose"})
 
 
 def brake(

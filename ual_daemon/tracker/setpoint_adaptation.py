@@ -18,7 +18,8 @@ from ual_daemon.backends.values import (
 from ual_daemon.tracker.limits import scaled_down
 
 _ZERO = Vector3()
-_WHOLE_MOTION = Takes.POSITION | Takes.FEED_FORWARD
+WHOLE_MOTION = Takes.POSITION | Takes.FEED_FORWARD
+"""Positions with the motion in them: nothing is to be adapted for who takes them."""
 
 
 def adapted(setpoint: Setpoint, vehicle: VehicleInfo, snapshot: Snapshot, limits: Callable[[], Limits]) -> Setpoint:
@@ -27,7 +28,7 @@ def adapted(setpoint: Setpoint, vehicle: VehicleInfo, snapshot: Snapshot, limits
     `limits` returns those of a velocity that is flown instead of a position.
     """
     takes = vehicle.takes
-    if isinstance(setpoint, VelocitySetpoint) or _WHOLE_MOTION in takes:
+    if isinstance(setpoint, VelocitySetpoint) or WHOLE_MOTION in takes:
         return setpoint
     if Takes.VELOCITY not in takes or (Takes.POSITION in takes and _stands_still(setpoint)):
         return PositionSetpoint(setpoint.position, setpoint.yaw_rad)

@@ -6,6 +6,8 @@ from ual.geometry import Vector3
 from ual_daemon.immutable import immutable
 from ual_daemon.trajectory.pulse import Pulse, change_m
 
+_ZERO = Vector3()
+
 
 @immutable
 class Leg:
@@ -23,6 +25,12 @@ class Leg:
     down: Pulse
     corner: Pulse
     next_direction: Vector3
+    up_s: float
+    """The duration of `up`. A value, as each update asks; so are those that follow."""
+    straight_s: float
+    """The duration of the straight part."""
+    cruise: Vector3
+    """The velocity between `up` and `down`."""
 
     @classmethod
     def along(
@@ -38,23 +46,24 @@ class Leg:
         """Plans a leg whose straight part is `path_m` long, with the speeds before, on, and after it."""
         before, peak, after = speeds_m_s
         ramps_m = change_m(before, peak, acceleration_m_s2) + change_m(peak, after, acceleration_m_s2)
+        up = Pulse.shortest(abs(peak - before), acceleration_m_s2)
+        down = Pulse.shortest(abs(peak - after), acceleration_m_s2)
+        cruise_s = max(0.0, path_m - ramps_m) / peak if peak > 0.0 else 0.0
         return cls(
             begin,
             direction,
             before,
             peak,
             after,
-            Pulse.shortest(abs(peak - before), acceleration_m_s2),
-            max(0.0, path_m - ramps_m) / peak if peak > 0.0 else 0.0,
-            Pulse.shortest(abs(peak - after), acceleration_m_s2),
+            up,
+            cruise_s,
+            down,
             corner or Pulse(),
             next_direction or direction,
+            up.duration_s,
+            up.duration_s + cruise_s + down.duration_s,
+            direction * peak,
         )
-
-    @property
-    def straight_s(self) -> float:
-        """The duration of the straight part."""
-        return self.up.duration_s + self.cruise_s + self.down.duration_s
 
     @property
     def duration_s(self) -> float:
@@ -71,6 +80,8 @@ class Leg:
         d, p = self.direction, self.begin
         s, v, a = self._along(min(time_s, straight_s))
         position = Vector3(p.x + d.x * s, p.y + d.y * s, p.z + d.z * s)
+        if a == 0.0 and v == self.peak_m_s and time_s <= straight_s:
+            return position, self.cruise, _ZERO
         if time_s <= straight_s:
             return position, Vector3(d.x * v, d.y * v, d.z * v), Vector3(d.x * a, d.y * a, d.z * a)
         t = time_s - straight_s
@@ -82,7 +93,7 @@ class Leg:
     def _along(self, t: float) -> tuple[float, float, float]:
         """Returns distance, speed and acceleration on the straight part."""
         before, peak = self.before_m_s, self.peak_m_s
-        up_s = self.up.duration_s
+        up_s = self.up_s
         if t < up_s:
             path, speed, acceleration = self.up.at(t)
             change = peak - before

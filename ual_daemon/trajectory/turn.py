@@ -31,6 +31,7 @@ class Turn:
     def __init__(self, start: Motion, yaw_rad: float | None, limits: Limits, within_s: float = 0.0) -> None:
         self._begin_rad = start.yaw_rad
         self._trajectory: ruckig.Trajectory | None = None
+        self._end_rad = wrap_angle(start.yaw_rad)
         self.duration_s = 0.0
         is_turning = start.yaw_rate_rad_s != 0.0 or start.yaw_acceleration_rad_s2 != 0.0
         if not is_turning and (yaw_rad is None or yaw_rad == start.yaw_rad):
@@ -55,16 +56,16 @@ class Turn:
             with suppress(UalError):  # Ruckig fails for some motions: then the turn is as fast as possible
                 self._trajectory = _calculate(request)
         self.duration_s = self._trajectory.duration
+        self._end_rad = wrap_angle(start.yaw_rad + self._trajectory.at_time(self.duration_s)[0][0])
 
     def at(self, time_s: float) -> tuple[float, float, float]:
         """Returns the heading, its rate and its acceleration at a time; before the start those of the start, after the
         end those of the end.
         """
         if self._trajectory is None:
-            return wrap_angle(self._begin_rad), 0.0, 0.0
+            return self._end_rad, 0.0, 0.0
         if time_s >= self.duration_s:
-            p, _, _ = self._trajectory.at_time(self.duration_s)
-            return wrap_angle(self._begin_rad + p[0]), 0.0, 0.0
+            return self._end_rad, 0.0, 0.0
         p, v, a = self._trajectory.at_time(max(0.0, time_s))
         return wrap_angle(self._begin_rad + p[0]), v[0], a[0]
 

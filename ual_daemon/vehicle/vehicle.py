@@ -365,10 +365,19 @@ class Vehicle(ReportedVehicle):
     def _update(self, snapshot: Snapshot) -> None:
         self._sequence = snapshot.sequence or self._sequence + 1
         # A defect of one of these takes nothing from the others: neither setpoints, nor samples.
-        self._contained.call(self._resolver.update, snapshot)
-        self._flying.call(self._fly, snapshot)
+        try:  # as `ErrorBarrier.call`, which would be a call for each
+            self._resolver.update(snapshot)
+        except Exception as error:  # noqa: BLE001 - what flies goes on
+            self._contained.tell(error)
+        try:
+            self._fly(snapshot)
+        except Exception as error:  # noqa: BLE001 - samples go on
+            self._flying.tell(error)
         self._publish(snapshot, self._flight.estimate(snapshot))
-        self._contained.call(self.missions.update, snapshot)
+        try:
+            self.missions.update(snapshot)
+        except Exception as error:  # noqa: BLE001 - what flies goes on
+            self._contained.tell(error)
         if snapshot.time_s >= self.gimbals.due_s:
             self._contained.call(self.gimbals.update, snapshot)
         self._fence_notice.observe(snapshot.time_s)
@@ -391,4 +400,6 @@ class Vehicle(ReportedVehicle):
         jump = self._heading_jumps.observe(snapshot)
         if jump is not None:
             self._flight.estimate_jumped(jump, snapshot)
+        if not (self._jumps.poses.is_waiting or self._heading_jumps.poses.is_waiting):  # no calls for each update
+            return False
         return self._jumps.is_suspected(snapshot.time_s) or self._heading_jumps.is_suspected(snapshot.time_s)

@@ -234,7 +234,10 @@ class World:
                 if index not in self._listeners:
                     continue
                 if index in changed or ((self._steps + index) % every == 0 and listener.is_needed()):
-                    self._contained.call(listener.on_step)
+                    try:  # as `ErrorBarrier.call`, without its call for each UAV
+                        listener.on_step()
+                    except Exception as error:  # noqa: BLE001 - the other UAVs go on
+                        self._contained.tell(error)
             self._called = None
 
     def _step_in_time(self, step_s: float) -> None:

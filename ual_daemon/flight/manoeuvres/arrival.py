@@ -7,9 +7,9 @@ from collections import deque
 from typing import NamedTuple
 
 from ual.geometry import Vector3, wrap_angle
-from ual_daemon.backends.values import Snapshot
+from ual_daemon.backends.values import MotionState, Snapshot
 from ual_daemon.settings import ToleranceSettings
-from ual_daemon.tracker.references import measured_motion
+from ual_daemon.tracker.references import motion_of, unknown_place
 from ual_daemon.trajectory import Motion
 
 
@@ -29,10 +29,9 @@ class Dwell:
         return self._since_s is not None and now_s - self._since_s >= self._dwell_s
 
 
-class _Sample(NamedTuple):
-    """The errors against the goal at a time."""
+class _Mean(NamedTuple):
+    """The mean errors against the goal."""
 
-    time_s: float
     position_error: Vector3
     heading_error_rad: float
     velocity: Vector3
@@ -46,21 +45,27 @@ class Arrival:
 
     def __init__(self, position: Vector3, yaw_rad: float, tolerance: ToleranceSettings) -> None:
         self._position, self._yaw_rad, self._tolerance = position, yaw_rad, tolerance
-        self._samples: deque[_Sample] = deque()
+        self._samples: deque[tuple[float, MotionState]] = deque()
+        """What was measured, and when. Compared with the goal only when somebody asks: each update adds one."""
 
     def observe(self, snapshot: Snapshot) -> None:
-        """Adds the measured motion. To be called at each update."""
-        motion = measured_motion(snapshot)
-        heading_error_rad = wrap_angle(motion.yaw_rad - self._yaw_rad)
-        sample = _Sample(snapshot.time_s, motion.position - self._position, heading_error_rad, motion.velocity)
-        self._samples.append(sample)
+        """Adds the measured motion. To be called at each update.
+
+        Raises:
+            WrongStateError: It is not known where the UAV is.
+
+        """
+        if snapshot.motion.pose is None:
+            raise unknown_place()
+        samples, now_s = self._samples, snapshot.time_s
+        samples.append((now_s, snapshot.motion))
         # One sample older than the dwell time stays, so that the samples span all of it.
-        while len(self._samples) > 1 and snapshot.time_s - self._samples[1].time_s >= self._tolerance.dwell_s:
-            self._samples.popleft()
+        while len(samples) > 1 and now_s - samples[1][0] >= self._tolerance.dwell_s:
+            samples.popleft()
 
     def has_arrived(self, snapshot: Snapshot) -> bool:
         """Returns whether the UAV has arrived."""
-        if not self._samples or snapshot.time_s - self._samples[0].time_s < self._tolerance.dwell_s:
+        if not self._samples or snapshot.time_s - self._samples[0][0] < self._tolerance.dwell_s:
             return False
         mean, tolerance = self._mean(), self._tolerance
         return (
@@ -69,13 +74,15 @@ class Arrival:
             and mean.velocity.norm() <= tolerance.speed_m_s
         )
 
-    def _mean(self) -> _Sample:
+    def _mean(self) -> _Mean:
         position_error, velocity, count = Vector3(), Vector3(), len(self._samples)
         sine = cosine = 0.0  # a mean of angles would make +pi and -pi, each half a turn off, an error of 0
-        for sample in self._samples:
-            position_error, velocity = position_error + sample.position_error, velocity + sample.velocity
-            sine, cosine = sine + math.sin(sample.heading_error_rad), cosine + math.cos(sample.heading_error_rad)
-        return _Sample(self._samples[-1].time_s, position_error / count, math.atan2(sine, cosine), velocity / count)
+        for _, measured in self._samples:
+            motion = motion_of(measured)
+            heading_error_rad = wrap_angle(motion.yaw_rad - self._yaw_rad)
+            position_error, velocity = position_error + (motion.position - self._position), velocity + motion.velocity
+            sine, cosine = sine + math.sin(heading_error_rad), cosine + math.cos(heading_error_rad)
+        return _Mean(position_error / count, math.atan2(sine, cosine), velocity / count)
 
     def turn_left_rad(self, motion: Motion) -> float:
         """Returns how far the heading of a motion is off, beyond the tolerance."""

@@ -61,8 +61,10 @@ class Arming:
             self._begins(mode.value, is_selected=True)
         elif self.is_ours_to_end and self.is_taken(snapshot):
             self.is_ours_to_end = False
-        stands = self._has_stood or (bool(snapshot.control.settled_mode) and not _begins_a_flight(mode.value))
-        self._has_stood = armed.value and snapshot.control.is_on_ground and stands
+        if not (armed.value and snapshot.control.is_on_ground):
+            self._has_stood = False
+        elif not self._has_stood:
+            self._has_stood = bool(snapshot.control.settled_mode) and not _begins_a_flight(mode.value)
 
     def explained(self, found: Estimate) -> Estimate:
         """Returns the same; of a flight that an arming has begun, its reason says whose arming."""

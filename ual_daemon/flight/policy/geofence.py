@@ -19,7 +19,6 @@ from ual_daemon.backends.values import AutopilotFence, Snapshot
 from ual_daemon.flight.policy import autopilot_fence
 from ual_daemon.flight.policy.ground import Datum, Ground
 from ual_daemon.flight.policy.reachable_points import ReachablePoints, change, reachable_points
-from ual_daemon.flight.state import Estimate
 from ual_daemon.frames.fence import Exit, Fence
 from ual_daemon.frames.odom_metres import FrameInLocal, OdomMetres
 from ual_daemon.frames.resolver import FrameResolver
@@ -129,6 +128,8 @@ class GeofencePolicy:
         """Metres above the floor for goals and routes."""
         self.ground = Ground()
         """The ground of the take-off, as seen by the updates."""
+        self.observe = self.ground.observe
+        """Notes where the ground is. Called by the update thread at each update."""
         self._is_configured = settings is not None
         self._settings = settings = settings or GeofenceSettings()
         self._resolver = resolver
@@ -268,18 +269,6 @@ class GeofencePolicy:
         )
 
     # --- The floor and the ceiling ------------------------------------------------------------------------------------
-
-    def observe(
-        self,
-        snapshot: Snapshot,
-        raw: Estimate,
-        *,
-        is_taking_off: bool = False,
-        is_on_way: bool = False,
-        is_led: bool = False,
-    ) -> None:
-        """Notes where the ground is. Called by the update thread at each update. See `Ground.observe`."""
-        self.ground.observe(snapshot, raw, is_taking_off=is_taking_off, is_on_way=is_on_way, is_led=is_led)
 
     def estimate_jumped(self, jump: Vector3) -> None:
         """Notes that the autopilot's estimate has jumped. Called by the update thread."""

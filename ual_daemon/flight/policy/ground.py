@@ -9,6 +9,7 @@ from ual.geometry import Vector3
 from ual.types import State
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.state import Estimate
+from ual_daemon.geodesy import Projection
 
 MEASURED_NOISE_M = 0.7
 """Error of the estimated height in metres: PX4's wanders by 0.3 to 0.7 m within a minute or two on the ground."""
@@ -40,7 +41,7 @@ class Ground:
     def __init__(self) -> None:
         self.place: Vector3 | None = None
         """Position at which the UAV last stood on the ground, in the local frame; None if that is not known."""
-        self._origin_m: float | None = None
+        self._origin: Projection | None = None
         self._stands_s: float | None = None
         """Since when it stands armed; None while it does not."""
 
@@ -72,7 +73,7 @@ class Ground:
             return
         if raw.state is State.LANDED_DISARMED or (not is_on_way and self._stands(snapshot, is_led=is_led)):
             assert snapshot.motion.pose is not None
-            self.place, self._origin_m = snapshot.motion.pose.value.position, _origin_m(snapshot)
+            self.place, self._origin = snapshot.motion.pose.value.position, snapshot.earth.projection
         elif self.place is not None and (not raw.is_link_up or self._has_origin_moved(snapshot)):
             self.place = None
 
@@ -87,8 +88,10 @@ class Ground:
             self.place += jump
 
     def _has_origin_moved(self, snapshot: Snapshot) -> bool:
-        before_m, now_m = self._origin_m, _origin_m(snapshot)
-        return before_m is not None and now_m is not None and abs(now_m - before_m) > _SAME_ORIGIN_M
+        before, now = self._origin, snapshot.earth.projection
+        if now is before or before is None or now is None:
+            return False
+        return abs(now.altitude_amsl_m - before.altitude_amsl_m) > _SAME_ORIGIN_M
 
     def datum(self, snapshot: Snapshot, odom_z_m: Callable[[], float]) -> Datum:
         """Returns what heights are measured from. `odom_z_m` returns the z of the origin of ``<ns>/odom``."""
@@ -99,8 +102,3 @@ class Ground:
             home_z_m = home_m - projection.altitude_amsl_m
             return Datum(home_z_m, "the autopilot's home (UAL has not seen the take-off)", ASSUMED_NOISE_M)
         return Datum(odom_z_m(), "the origin of odom (UAL has not seen the take-off, nor a home)", ASSUMED_NOISE_M)
-
-
-def _origin_m(snapshot: Snapshot) -> float | None:
-    projection = snapshot.earth.projection
-    return None if projection is None else projection.altitude_amsl_m

@@ -6,11 +6,12 @@ stays there.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+import math
 
-from ual.geometry import wrap_angle
+from ual.geometry import Quaternion, wrap_angle
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.policy.jumps import Confirmation, EstimateJump
+from ual_daemon.immutable import immutable
 
 JUMP_RAD = 0.2
 """Least turn of an estimate in rad that counts as a jump; noise stays below it, and is turned back."""
@@ -24,9 +25,11 @@ _HEADING_S = 0.5
 """After a longer gap between two headings nothing can be said."""
 
 
-class _ReceivedHeading(NamedTuple):
+@immutable
+class _ReceivedHeading:
     """A heading, a yaw rate, when they were received, and in which boot."""
 
+    orientation: Quaternion
     yaw_rad: float
     rate_rad_s: float
     received_s: float
@@ -37,24 +40,27 @@ class HeadingJumpDetector:
     """Compares each heading with the one before. Belongs to the update thread."""
 
     def __init__(self) -> None:
-        self._poses: Confirmation[_ReceivedHeading] = Confirmation()
-        self.is_suspected = self._poses.is_suspected
+        self.poses = poses = Confirmation[_ReceivedHeading]()
+        self.is_suspected = poses.is_suspected
 
     def observe(self, snapshot: Snapshot) -> EstimateJump | None:
         """Returns by how much the heading has jumped, with the second heading there; None if it has not."""
-        poses, pose, velocity = self._poses, snapshot.motion.pose, snapshot.motion.velocity
+        poses, pose, velocity = self.poses, snapshot.motion.pose, snapshot.motion.velocity
         if pose is None or velocity is None or not poses.is_new(pose):
             return None
-        new = _ReceivedHeading(
-            pose.value.orientation.yaw_rad, velocity.value.angular.z, pose.time_s, snapshot.link.boots_count
-        )
-        jump_rad = _jump_rad(poses.last, new)
+        orientation, last = pose.value.orientation, poses.last
+        yaw_rad = last.yaw_rad if last is not None and orientation is last.orientation else orientation.yaw_rad
+        new = _ReceivedHeading(orientation, yaw_rad, velocity.value.angular.z, pose.time_s, snapshot.link.boots_count)
+        if last is None or abs(math.remainder(yaw_rad - last.yaw_rad, math.tau)) <= JUMP_RAD:  # nearly always
+            poses.last, poses.is_waiting = new, False
+            return None
+        jump_rad = _jump_rad(last, new)
         return EstimateJump(yaw_rad=jump_rad) if poses.confirms(new, has_jumped=bool(jump_rad)) else None
 
 
-def _jump_rad(last: _ReceivedHeading | None, new: _ReceivedHeading) -> float:
+def _jump_rad(last: _ReceivedHeading, new: _ReceivedHeading) -> float:
     """Returns by how much the heading has changed where the yaw rate does not explain it; else 0."""
-    if last is None or new.boots_count != last.boots_count or not 0.0 <= new.received_s - last.received_s <= _HEADING_S:
+    if new.boots_count != last.boots_count or not 0.0 <= new.received_s - last.received_s <= _HEADING_S:
         return 0.0
     passed_s = new.received_s - last.received_s
     change_rad = wrap_angle(new.yaw_rad - last.yaw_rad)

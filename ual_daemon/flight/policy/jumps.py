@@ -11,6 +11,7 @@ from typing import Generic, NamedTuple, TypeVar
 
 from ual.geometry import Pose, Vector3
 from ual_daemon.backends.values import Sample, Snapshot
+from ual_daemon.immutable import immutable
 
 T = TypeVar("T")
 
@@ -54,7 +55,8 @@ class EstimateJump(NamedTuple):
         return math.degrees(self.yaw_rad)
 
 
-class _ReceivedPosition(NamedTuple):
+@immutable
+class _ReceivedPosition:
     """A position and velocity, when they were received and (0 where that is not known) measured, and in which boot.
 
     When they were measured is on the autopilot's own clock, or else in UTC.
@@ -82,8 +84,10 @@ class Confirmation(Generic[T]):
 
     def is_new(self, pose: Sample[Pose]) -> bool:
         """Returns whether this pose was not seen yet, and takes it as the newest."""
-        is_new, self._newest_s = pose.time_s != self._newest_s, pose.time_s
-        return is_new
+        if pose.time_s == self._newest_s:
+            return False
+        self._newest_s = pose.time_s
+        return True
 
     def is_suspected(self, now_s: float) -> bool:
         """Returns whether the newest pose has jumped, but another one must confirm it, and may still come."""
@@ -106,10 +110,10 @@ class JumpDetector:
     """Compares each position with the one before. Belongs to the update thread."""
 
     def __init__(self) -> None:
-        self._poses: Confirmation[_ReceivedPosition] = Confirmation()
+        self.poses = poses = Confirmation[_ReceivedPosition]()
         self._usual_m = 0.0
         self._announced_s = -math.inf
-        self.is_suspected = self._poses.is_suspected
+        self.is_suspected = poses.is_suspected
 
     def announce(self, now_s: float) -> None:
         """Takes note that the position will jump: smaller steps are looked for. Any thread may call."""
@@ -117,7 +121,7 @@ class JumpDetector:
 
     def observe(self, snapshot: Snapshot) -> EstimateJump | None:
         """Returns by how much the estimate has jumped, with the second position there; None if it has not."""
-        poses, pose, sample = self._poses, snapshot.motion.pose, snapshot.motion.velocity
+        poses, pose, sample = self.poses, snapshot.motion.pose, snapshot.motion.velocity
         if pose is None or sample is None or not poses.is_new(pose):
             return None
         last = poses.last
