@@ -3,6 +3,7 @@ from __future__ import annotations
 import math
 
 import pytest
+from geographiclib.geodesic import Geodesic
 from hypothesis import given
 from hypothesis import strategies as st
 from pyproj import Transformer
@@ -128,3 +129,15 @@ def test_a_flat_earth_is_near_the_true_one_and_as_wrong_as_ardupilots() -> None:
     # by hand: 0.01 degrees of 111.3188 km each, the longitude's by the cosine of the latitude half way
     assert (there.x, there.y) == pytest.approx((1113.188 * math.cos(math.radians(37.4167)), 1113.188), abs=0.01)
     assert 1.0 < (there - true.to_local(SEVILLE[0] + 0.01, SEVILLE[1] + 0.01, SEVILLE[2])).norm() < 5.0
+
+
+@pytest.mark.parametrize("latitude_deg", [-90.0, -89.9999, 0.0, 45.0, 89.9999, 90.0])
+@pytest.mark.parametrize("distance_m", [1e-9, 1.0, 10_000.0, 99_999.0, 100_001.0, 5_000_000.0])
+def test_near_and_far_are_on_the_geodesic(latitude_deg: float, distance_m: float) -> None:
+    for azimuth_deg in range(-180, 180, 15):
+        line = Geodesic.WGS84.Direct(latitude_deg, 179.999, azimuth_deg, distance_m)
+        azimuth_rad = math.radians(azimuth_deg)
+        offset = Vector3(distance_m * math.sin(azimuth_rad), distance_m * math.cos(azimuth_rad), 0.0)
+        point = EllipsoidProjection(latitude_deg, 179.999, 0.0).to_geo(offset)
+        apart = Geodesic.WGS84.Inverse(line["lat2"], line["lon2"], point.latitude_deg, point.longitude_deg)
+        assert apart["s12"] <= 1e-6
