@@ -42,6 +42,10 @@ Bools: TypeAlias = "NDArray[np.bool_]"
 Ints: TypeAlias = "NDArray[np.int64]"
 
 
+_MANUAL, _GUIDED, _HOLD, _LAND = (
+    int(mode) for mode in (FlightMode.MANUAL, FlightMode.GUIDED, FlightMode.HOLD, FlightMode.LAND)
+)
+"""Plain numbers: numpy asks a member of an enumeration for several attributes each time."""
 _LEAST_ROWS_COUNT = 4
 """Setpoints from which on it is faster to take them together."""
 _ROWS_PER_REPORT = 8
@@ -117,9 +121,11 @@ class Fleet:
     def changed(self) -> set[int]:
         """Returns the vehicles whose mode, armed, landed or has-position has changed since the last call."""
         conditions = self.mode * 8 + self.is_armed * 4 + self.is_landed * 2 + self.has_position
-        changed = set(np.flatnonzero(conditions != self.reported_conditions).tolist())
+        differs = conditions != self.reported_conditions
+        if not differs.any():  # nearly always
+            return set()
         self.reported_conditions = conditions
-        return changed
+        return set(np.flatnonzero(differs).tolist())
 
     def report(self, index: int) -> LightReport:
         """Returns what one autopilot reports."""
@@ -157,29 +163,31 @@ class Fleet:
     def _take_setpoints(self) -> None:
         """Takes the setpoints that came since the last step."""
         waiting, self._waiting = self._waiting, {}
-        positions: list[tuple[float, ...]] = []
+        indices: list[int] = []
+        numbers: list[float] = []
         for index, (setpoint, now_s) in waiting.items():
             if len(waiting) < _LEAST_ROWS_COUNT or not isinstance(setpoint, PositionSetpoint):
                 self._take_setpoint(index, setpoint, now_s)
                 continue
             p, v, a = setpoint.position, setpoint.velocity, setpoint.acceleration
-            more = setpoint.yaw_rad, setpoint.yaw_rate_rad_s, now_s
-            positions.append((index, p.x, p.y, p.z, v.x, v.y, v.z, a.x, a.y, a.z, *more))
-        if positions:
-            self._take_positions(np.array(positions))
+            indices.append(index)
+            numbers += (p.x, p.y, p.z, v.x, v.y, v.z, a.x, a.y, a.z, setpoint.yaw_rad, setpoint.yaw_rate_rad_s, now_s)
+        if indices:
+            is_whole = len(indices) == self.count and indices == list(range(self.count))
+            at = slice(None) if is_whole else np.array(indices)  # a slice is faster than indices
+            self._take_positions(at, np.array(numbers).reshape(len(indices), -1))
 
-    def _take_positions(self, rows: Floats) -> None:
+    def _take_positions(self, at: slice | Ints, rows: Floats) -> None:
         """As `_take_setpoint`, for many positions at once."""
-        at, velocity, acceleration = rows[:, 0].astype(np.int64), rows[:, 4:7], rows[:, 7:10]
-        now_s = rows[:, 12]
+        velocity, acceleration, now_s = rows[:, 3:6], rows[:, 6:9], rows[:, 11]
         is_next = self.by_position[at] & (now_s - self.setpoint_s[at] < 1.5 * SIM_STEP_S)
         before = np.where(is_next[:, None], self.goal_acceleration[at], acceleration)
         self.setpoint_s[at] = now_s
         self.by_position[at] = True
-        self.goal[at] = rows[:, 1:4]
+        self.goal[at] = rows[:, :3]
         self.goal_acceleration[at] = acceleration
         self.goal_velocity[at] = velocity + (3.0 * acceleration - before) * (self.response_s[at] / 2)[:, None]
-        self.goal_yaw[at], self.goal_yaw_rate[at] = rows[:, 10], rows[:, 11]
+        self.goal_yaw[at], self.goal_yaw_rate[at] = rows[:, 9], rows[:, 10]
 
     def _take_setpoint(self, index: int, setpoint: Setpoint, now_s: float) -> None:
         """Takes one setpoint.
@@ -228,16 +236,19 @@ class Fleet:
         self._are_many_asked = self._asked_count * _ROWS_PER_REPORT > self.count
         self._asked_count, self._reports = 0, None
         self._take_setpoints()
-        lost_setpoints = (self.mode == FlightMode.GUIDED) & (now_s - self.setpoint_s > SETPOINT_TIMEOUT_S)
-        for index in np.flatnonzero(lost_setpoints & ~self.is_landed):
-            self.set_mode(int(index), FlightMode.HOLD)
-        needs_position = (self.mode == FlightMode.GUIDED) | (self.mode == FlightMode.HOLD)
-        for index in np.flatnonzero(~self.has_position & self.is_armed & needs_position):
-            self.set_mode(int(index), FlightMode.ALTITUDE)
+        lost_setpoints = now_s - self.setpoint_s > SETPOINT_TIMEOUT_S
+        if lost_setpoints.any():  # seldom, as the others below: numpy takes the time of many steps for one array
+            for index in np.flatnonzero(lost_setpoints & (self.mode == _GUIDED) & ~self.is_landed):
+                self.set_mode(int(index), FlightMode.HOLD)
+        if not self.has_position.all():
+            needs_position = (self.mode == _GUIDED) | (self.mode == _HOLD)
+            for index in np.flatnonzero(~self.has_position & self.is_armed & needs_position):
+                self.set_mode(int(index), FlightMode.ALTITUDE)
         command, yaw_rate = self._commands()
         place = self.position
         self._accelerate(command)
-        self.yaw_rate = np.where(self.is_landed, 0.0, np.clip(yaw_rate, -self.max_yaw_rate, self.max_yaw_rate))
+        turning = np.minimum(np.maximum(yaw_rate, -self.max_yaw_rate), self.max_yaw_rate)
+        self.yaw_rate = np.where(self.is_landed, 0.0, turning)
         self.yaw = np.remainder(self.yaw + self.yaw_rate * SIM_STEP_S + math.pi, math.tau) - math.pi
         self._touch_ground(command, place)
         drain = (
@@ -247,16 +258,19 @@ class Fleet:
 
     def _commands(self) -> tuple[Floats, Floats]:
         """Returns the velocities (N, 3) and yaw rates (N,) that the autopilots command."""
-        guided, by_position = self.mode == FlightMode.GUIDED, self.by_position
+        guided, by_position = self.mode == _GUIDED, self.by_position
         estimated = self.position + self.estimate_offset
+        yaw_error = np.remainder(self.goal_yaw - self.yaw + math.pi, math.tau) - math.pi
+        if (guided & by_position).all():  # as below, without a choice for each
+            command = POSITION_GAIN * (self.goal - estimated) + self.goal_velocity
+            return command, self.goal_yaw_rate + YAW_GAIN * yaw_error
         target = np.where((guided & by_position)[:, None], self.goal, self.hold)
-        keeps_place = (guided & by_position) | (self.mode == FlightMode.HOLD) | (self.mode == FlightMode.LAND)
+        keeps_place = (guided & by_position) | (self.mode == _HOLD) | (self.mode == _LAND)
         command = np.where(keeps_place[:, None], POSITION_GAIN * (target - estimated), 0.0)
         command += np.where(guided[:, None], self.goal_velocity, 0.0)
-        command[:, 2] = np.where(self.mode == FlightMode.LAND, -self.landing_speed, command[:, 2])
-        yaw_error = np.remainder(self.goal_yaw - self.yaw + math.pi, math.tau) - math.pi
+        command[:, 2] = np.where(self.mode == _LAND, -self.landing_speed, command[:, 2])
         yaw_rate = np.where(guided, self.goal_yaw_rate + np.where(by_position, YAW_GAIN * yaw_error, 0.0), 0.0)
-        manual = self.mode == FlightMode.MANUAL
+        manual = self.mode == _MANUAL
         if manual.any():
             forward, left, up, turn = self.sticks.T
             cos, sin = np.cos(self.yaw), np.sin(self.yaw)
@@ -280,23 +294,25 @@ class Fleet:
         command = _limited(command, limit * self.horizontal_speed, limit * self.vertical_speed)
         acceleration = (command - self.velocity) / self.response_s[:, None]
         # The limits apply without wind. Against the wind the vehicle can accelerate by as much more as the wind needs.
-        push = WIND_DRAG * self.wind
-        acceleration = _limited(
-            acceleration,
-            self.power * (self.horizontal_acceleration + np.hypot(push[:, 0], push[:, 1])),
-            self.power * (self.vertical_acceleration + np.abs(push[:, 2])),
-        )
-        acceleration += push
+        horizontal, vertical = self.horizontal_acceleration, self.vertical_acceleration
+        push = WIND_DRAG * self.wind if self.wind.any() else None
+        if push is not None:
+            horizontal, vertical = horizontal + np.hypot(push[:, 0], push[:, 1]), vertical + np.abs(push[:, 2])
+        acceleration = _limited(acceleration, self.power * horizontal, self.power * vertical)
+        if push is not None:
+            acceleration += push
         before = self.velocity
         # Limits the horizontal and the vertical part separately: this gives the nearest velocity within the limits,
         # which needs no more acceleration.
         after = before + acceleration * SIM_STEP_S
         fast = np.hypot(after[:, 0], after[:, 1]) / self.horizontal_speed
         after[:, :2] /= np.maximum(1.0, fast)[:, None]
-        after[:, 2] = np.clip(after[:, 2], -self.vertical_speed, self.vertical_speed)
-        after = np.where(self.is_armed[:, None], after, 0.0)
-        falls = ~self.is_landed & ~(self.is_armed & (self.power > 0.0))
-        after[falls] = before[falls] - (0.0, 0.0, GRAVITY_M_S2 * SIM_STEP_S)
+        after[:, 2] = np.minimum(np.maximum(after[:, 2], -self.vertical_speed), self.vertical_speed)
+        is_lifted = self.is_armed & (self.power > 0.0)
+        if not is_lifted.all():
+            after = np.where(self.is_armed[:, None], after, 0.0)
+            falls = ~self.is_landed & ~is_lifted
+            after[falls] = before[falls] - (0.0, 0.0, GRAVITY_M_S2 * SIM_STEP_S)
         self.velocity = after
         self.position = self.position + (before + after) * (SIM_STEP_S / 2)
 
@@ -304,7 +320,12 @@ class Fleet:
         """Keeps vehicles above the ground, and those that stand on it at their `place`. Reports a landing after a
         while, and a lift-off at a small height. Stops the motors after a landing.
         """
-        stays = (self.position[:, 2] <= self.ground) & ((command[:, 2] <= 0.0) | ~self.is_armed)
+        is_low = self.position[:, 2] <= self.ground
+        if not (is_low.any() or self.is_landed.any()):  # all in the air: as below, where nothing sits
+            self.on_ground_s = np.zeros(self.count)
+            self.has_flown = (self.has_flown | (self.position[:, 2] > self.ground + LIFT_OFF_M)) & self.is_armed
+            return
+        stays = is_low & ((command[:, 2] <= 0.0) | ~self.is_armed)
         sits = stays | (self.is_landed & ~self.is_armed)
         self.velocity[sits] = 0.0
         self.position[sits, :2] = place[sits, :2]
