@@ -23,7 +23,7 @@ import hypothesis
 import pytest
 from hypothesis.internal.conjecture import providers
 
-from tests import forkserver, waiting
+from tests import forkserver, waiting, workers
 from tests.repetition import repeats
 from ual import discovery
 
@@ -76,9 +76,19 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     items.sort(key=lambda item: item.get_closest_marker("slow") is None)
 
 
+def pytest_xdist_setupnodes(config: pytest.Config, specs: list[Any]) -> None:
+    """Lets all workers share one collection."""
+    workers.fork_workers(config, specs)
+
+
 def pytest_sessionstart() -> None:
     """Lets a test fail as soon as one of its threads has died, and not when it has waited in vain."""
     waiting.fail_waits_of_the_dead()
+
+
+def pytest_sessionfinish() -> None:
+    """Ends the process off which daemons were forked."""
+    forkserver.close()
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -105,7 +105,9 @@ def start(flags: Sequence[str], environment: Mapping[str, str]) -> ForkedDaemon:
     """Starts ``python -m ual_daemon`` with these flags."""
     reads, writes = os.pipe()
     with _nothing() as nothing:
-        pid = _fork_off(_Request("ual_daemon", list(flags), dict(environment)), nothing, nothing, writes)
+        pid = fork_off(
+            _server().connection, Request("ual_daemon", list(flags), dict(environment)), nothing, nothing, writes
+        )
     os.close(writes)
     return ForkedDaemon(pid, None, os.fdopen(reads))
 
@@ -127,8 +129,8 @@ def start_ual(
     with _nothing() as nothing:
         given = [nothing if each is None or each < 0 else each for each in (stdin, stdout, stderr)]
         closed = [number for number, each in enumerate((stdin, stdout, stderr)) if each is not None and each < 0]
-        request = _Request("ual", list(words), dict(environment), before, closed)
-        return ForkedProcess(_fork_off(request, *given))
+        request = Request("ual", list(words), dict(environment), before, closed)
+        return ForkedProcess(fork_off(_server().connection, request, *given))
 
 
 def run_ual(
@@ -156,7 +158,7 @@ def _nothing() -> Iterator[int]:
         os.close(nothing)
 
 
-class _Request(NamedTuple):
+class Request(NamedTuple):
     """A process to fork off."""
 
     program: str
@@ -167,9 +169,9 @@ class _Request(NamedTuple):
     directory: str = ""
 
 
-def _fork_off(request: _Request, *descriptors: int) -> int:
+def fork_off(server: socket.socket, request: Request, *descriptors: int) -> int:
+    """Lets the server fork a process with these standard streams; returns its number. It is a child of this one."""
     message = json.dumps(request._replace(directory=str(Path.cwd()))).encode()
-    server = _server().connection
     # The one between the two ends at once. The new one is then the child of the next process above that takes orphans.
     _take_orphans(does=True)
     try:
@@ -219,6 +221,14 @@ def _server() -> _Server:
     return _Server(ours, process)
 
 
+def close() -> None:
+    """Ends this process' server, if it has one."""
+    if _server.cache_info().currsize:
+        _server().connection.close()
+        _server().process.wait()
+        _server.cache_clear()
+
+
 def _take_orphans(*, does: bool) -> None:
     if ctypes.CDLL(None, use_errno=True).prctl(_SET_CHILD_SUBREAPER, int(does), 0, 0, 0):
         raise OSError(ctypes.get_errno(), "prctl")
@@ -228,15 +238,15 @@ def _take_orphans(*, does: bool) -> None:
 
 
 def serve(connection: socket.socket) -> str:
-    """Forks a process for each request, until the test's process ends. Returns its program in each of them."""
+    """Forks a process for each request; returns its program in each of them, and "" once the other end has closed."""
     while True:
         message, descriptors, _, _ = socket.recv_fds(connection, _MOST_BYTES, 3)
         if not message:
-            sys.exit()
+            return ""
         pid = _fork()
         if not pid:
             connection.close()
-            request = _Request(*json.loads(message))
+            request = Request(*json.loads(message))
             _become(request, descriptors)
             return request.program
         for each in descriptors:
@@ -261,7 +271,7 @@ def _fork() -> int:
         return int(told.read())
 
 
-def _become(request: _Request, descriptors: Sequence[int]) -> None:
+def _become(request: Request, descriptors: Sequence[int]) -> None:
     for number, descriptor in enumerate(descriptors):
         os.dup2(descriptor, number)
         os.close(descriptor)
@@ -303,9 +313,10 @@ def _import_all() -> None:
 
 if __name__ == "__main__":
     _import_all()
-    if serve(socket.socket(fileno=int(sys.argv[1]))) == "ual":
+    program = serve(socket.socket(fileno=int(sys.argv[1])))
+    if program == "ual":
         from ual_tools.main import main
 
         main()
-    else:
+    elif program:
         runpy.run_module("ual_daemon", run_name="__main__", alter_sys=True)

@@ -5,12 +5,11 @@ from __future__ import annotations
 import itertools
 import os
 import socket
+from collections.abc import Iterator
+from functools import cache
 
 _HOST = "127.0.0.1"
 _FIRST, _FIRST_OF_UAVS, _FOR_EACH = 21000, 51000, 400
-_WORKER = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:])
-_numbers = itertools.count(_FIRST + _FOR_EACH * _WORKER)
-_numbers_of_uavs = itertools.count(_FIRST_OF_UAVS + _FOR_EACH * _WORKER, 10)
 
 
 def free_port() -> int:
@@ -18,12 +17,18 @@ def free_port() -> int:
 
     It lies below those that the system gives away (32768 on): one of these could be another test's before it is used.
     """
-    return next(port for port in _numbers if _is_free(port))
+    return next(port for port in _numbers(_FIRST) if _is_free(port))
 
 
 def free_port_of_uav() -> int:
     """Returns a free port that is the default one of a UAV, 50050 + N. No other test gets those near it."""
-    return next(port for port in _numbers_of_uavs if _is_free(port))
+    return next(port for port in _numbers(_FIRST_OF_UAVS, 10) if _is_free(port))
+
+
+@cache
+def _numbers(first: int, step: int = 1) -> Iterator[int]:
+    """Returns what this worker has not given away yet; asked once it is known which worker this is."""
+    return itertools.count(first + _FOR_EACH * int(os.environ.get("PYTEST_XDIST_WORKER", "gw0")[2:]), step)
 
 
 def _is_free(port: int) -> bool:
