@@ -11,12 +11,11 @@ from __future__ import annotations
 
 import ast
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
 from tests.openings import files
-from tests.sentences import ROOT
+from tests.sentences import ROOT, outline
 
 PROPOSALS = {
     "told": "reported, report_of",
@@ -96,7 +95,7 @@ class Name(NamedTuple):
 def of_module(path: Path, text: str) -> list[Name]:
     """Returns the names that have such a word: of the module, its folder, its classes and its functions."""
     folder = path.parent.name if path.name == "__init__.py" else ""
-    named = [(0, folder or path.stem), *_definitions(text)]
+    named = [(0, folder or path.stem), *outline(text).names]
     return [Name(number, name, word) for number, name in named for word in dialect_of(name)]
 
 
@@ -104,12 +103,6 @@ def dialect_of(name: str) -> list[str]:
     """Returns the words of a name that are not used in names."""
     words = [word.lower() for word in _WORDS.findall(KEPT.sub("", name))]
     return [word for word in words if word in PROPOSALS]
-
-
-def _definitions(text: str) -> Iterator[tuple[int, str]]:
-    for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
-            yield node.lineno, node.name
 
 
 def unclear_numbers(text: str) -> list[Name]:

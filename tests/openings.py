@@ -8,11 +8,11 @@ from __future__ import annotations
 import ast
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from tests.sentences import ROOT, docstrings
+from tests.sentences import ROOT, docstrings, statements
 
 FOLDERS = ("ual_daemon", "clients", "tools", "benchmarks", "examples", "deploy", "tests")
 _NOT_OURS = re.compile(r"_pb2|/(?:\.venv|build|dist|gen|node_modules)/")
@@ -47,12 +47,12 @@ def of_module(text: str) -> list[Opening]:
     """Returns the forbidden beginnings of a module's docstrings."""
     if not _SUSPECT.search(text):
         return []  # to parse takes most of the time
-    tree = ast.parse(text)
-    of_functions = set(_function_rows(tree))
+    found = list(statements(ast.parse(text)))
+    of_functions = set(_function_rows(found))
     return [
-        Opening(line, " ".join(said.split()[:8]), found)
-        for line, said in docstrings(tree)
-        if (found := _proposal(said.strip(), is_functions=line in of_functions))
+        Opening(line, " ".join(said.split()[:8]), proposal)
+        for line, said in docstrings(found)
+        if (proposal := _proposal(said.strip(), is_functions=line in of_functions))
     ]
 
 
@@ -64,9 +64,9 @@ def _proposal(said: str, *, is_functions: bool) -> str:
     return list(_PROPOSALS.values())[int(str(found.lastgroup)[1:])] if found else ""
 
 
-def _function_rows(tree: ast.Module) -> Iterator[int]:
+def _function_rows(found: Iterable[ast.stmt]) -> Iterator[int]:
     """Yields the lines of the docstrings of functions; properties and fixtures are read as nouns."""
-    for node in ast.walk(tree):
+    for node in found:
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and not _is_noun(node):
             yield node.body[0].lineno
 

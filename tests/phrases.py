@@ -5,14 +5,13 @@ Programs and devices are *it* and have names; *who* is for persons. It looks at 
 
 from __future__ import annotations
 
-import ast
 import re
 import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from tests.sentences import ROOT, docstrings, of_contract, of_module
+from tests.sentences import COMMENTS, ROOT, Sentence, of_contract, of_docstrings, of_module, outline
 from tests.sentences import files as all_files
 
 _PERSON = r"(?<!pilot )(?<!pilots )(?<!operator )(?<!operators )(?<!person )(?<!people )(?<!user )(?<!users )"
@@ -41,13 +40,19 @@ def of_text(text: str, *, is_contract: bool = False) -> list[Phrase]:
     """Returns the phrases in the comments and docstrings of a module, or in the comments of a ``.proto`` file."""
     if not _SUSPECT.search(text):
         return []  # to parse takes most of the time
-    sentences = of_contract(text) if is_contract else [*of_module(text), *_code_free(text)]
+    sentences = of_contract(text) if is_contract else [*_of_module(text), *_code_free(text)]
     return sorted({Phrase(line, *found) for line, said in sentences for found in _phrases(said)})
+
+
+def _of_module(text: str) -> list[Sentence]:
+    """Returns its sentences, those of comments only where one has such a word: to find them takes long."""
+    is_suspect = any(_SUSPECT.search(block[0]) for block in COMMENTS.finditer(text))
+    return of_module(text) if is_suspect else of_docstrings(text)
 
 
 def _code_free(text: str) -> Iterator[tuple[int, str]]:
     """Yields the docstrings, also the parts that are no sentences, such as the descriptions of arguments."""
-    yield from ((line, re.sub(r"`[^`]*`", "", " ".join(said.split()))) for line, said in docstrings(ast.parse(text)))
+    yield from ((line, re.sub(r"`[^`]*`", "", " ".join(said.split()))) for line, said in outline(text).docstrings)
 
 
 def _phrases(sentence: str) -> Iterator[tuple[str, str]]:

@@ -12,7 +12,7 @@ import io
 import re
 import sys
 import tokenize
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
@@ -41,7 +41,9 @@ _ARGUMENT = re.compile(r"\s*\*{0,2}[\w.,`* ]{1,60}: ")
 _WORD = re.compile(r"\w")
 _BLOCKS = ("body", "orelse", "handlers", "finalbody", "cases")
 """Attributes with the statements within a statement."""
-_COMMENTS = re.compile(r"(?:^[ \t]*#.*\n?)+|#.*", re.MULTILINE)
+_NAMED = (ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
+COMMENTS = re.compile(r"(?:^[ \t]*#.*\n?)+|#.*", re.MULTILINE)
+"""Comments, each with the lines that continue it, and what looks like one."""
 _COMMENTED_OUT = re.compile(r"\s*(?:noqa|type: ignore|fmt: |mypy: |!)")
 
 
@@ -64,7 +66,7 @@ def of_page(text: str) -> list[Sentence]:
 
 def of_module(text: str) -> list[Sentence]:
     """Returns the sentences of a module's comments and docstrings."""
-    return sorted([*_of_docstrings(text), *_sentences(_comment_rows(text))])
+    return sorted([*of_docstrings(text), *_sentences(_comment_rows(text))])
 
 
 def of_contract(text: str) -> list[Sentence]:
@@ -83,8 +85,9 @@ def _contract_rows(text: str) -> Lines:
             yield number, ""
 
 
-def _of_docstrings(text: str) -> list[Sentence]:
-    return [each for line, said in docstrings(ast.parse(text)) for each in _sentences(_docstring_rows(line, said))]
+def of_docstrings(text: str) -> list[Sentence]:
+    """Returns the sentences of a module's docstrings."""
+    return [each for line, said in outline(text).docstrings for each in _sentences(_docstring_rows(line, said))]
 
 
 def of_file(path: Path) -> list[Sentence]:
@@ -94,12 +97,12 @@ def of_file(path: Path) -> list[Sentence]:
         return of_page(text)
     if path.suffix == ".proto":
         return of_contract(text)
-    return of_module(text) if _has_long_comment(text) else _of_docstrings(text)
+    return of_module(text) if _has_long_comment(text) else of_docstrings(text)
 
 
 def _has_long_comment(text: str) -> bool:
     """Returns whether a comment, or what looks like one, is long enough for a long sentence."""
-    return any(len(block[0].split()) > MOST_WORDS for block in _COMMENTS.finditer(text))
+    return any(len(block[0].split()) > MOST_WORDS for block in COMMENTS.finditer(text))
 
 
 @functools.cache
@@ -136,12 +139,35 @@ def _without_code(lines: list[str]) -> Lines:
         before = line
 
 
-def docstrings(node: ast.AST) -> Iterator[tuple[int, str]]:
-    """Yields the docstrings of modules, classes, functions and attributes."""
-    for each in (inner for part in _BLOCKS for inner in getattr(node, part, ())):
+class Outline(NamedTuple):
+    """Docstrings of a module and its parts, and the names of its classes and functions, each with its line."""
+
+    docstrings: list[tuple[int, str]]
+    names: list[tuple[int, str]]
+
+
+@functools.cache
+def outline(text: str) -> Outline:
+    """Returns the outline of a module. It is cached: to parse takes most of the time of a check."""
+    found = list(statements(ast.parse(text)))
+    names = [(each.lineno, each.name) for each in found if isinstance(each, _NAMED)]
+    return Outline(list(docstrings(found)), names)
+
+
+def statements(node: ast.AST) -> Iterator[ast.stmt]:
+    """Yields all statements within one: a fifth of the nodes that `ast.walk` finds."""
+    for part in _BLOCKS:
+        for each in getattr(node, part, ()):
+            if isinstance(each, ast.stmt):
+                yield each
+            yield from statements(each)
+
+
+def docstrings(found: Iterable[ast.stmt]) -> Iterator[tuple[int, str]]:
+    """Yields the docstrings among statements: of modules, classes, functions and attributes."""
+    for each in found:
         if isinstance(each, ast.Expr) and isinstance(each.value, ast.Constant) and isinstance(each.value.value, str):
             yield each.lineno, each.value.value
-        yield from docstrings(each)
 
 
 def _docstring_rows(first: int, text: str) -> Lines:

@@ -12,6 +12,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.sentences import statements
+
 ROOT = Path(__file__).parents[1]
 
 
@@ -19,7 +21,7 @@ def imported(package: Path) -> set[str]:
     """The names of the packages that it imports, those of the standard library left out."""
     found = set()
     for file in package.rglob("*.py"):
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
+        for node in statements(ast.parse(file.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Import):
                 found |= {each.name for each in node.names}
             elif isinstance(node, ast.ImportFrom) and node.module is not None:

@@ -26,7 +26,7 @@ from execnet.xspec import XSpec
 from tests import forkserver
 
 _BOOT = "import sys; exec(eval(sys.stdin.readline()))"
-"""How execnet begins a worker."""
+"""Code by which execnet begins a worker."""
 
 
 def fork_workers(config: pytest.Config, specs: list[XSpec]) -> None:
@@ -134,7 +134,7 @@ class _Worker:
 
     @pytest.hookimpl(tryfirst=True)
     def pytest_cmdline_main(self, config: pytest.Config) -> int:
-        """What is left of pytest's `wrap_session` after the collection."""
+        """Runs the rest of pytest's `wrap_session`, from the end of the collection."""
         self._become_one()
         worker = next(each for each in config.pluginmanager.get_plugins() if type(each).__name__ == "WorkerInteractor")
         worker.pytest_sessionstart(self._session)
