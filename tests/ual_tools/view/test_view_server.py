@@ -5,7 +5,9 @@ from __future__ import annotations
 import asyncio
 import logging
 import socket
-from collections.abc import Callable
+import threading
+from collections import deque
+from collections.abc import Callable, Iterator
 from contextlib import closing, suppress
 from functools import partial
 
@@ -13,6 +15,7 @@ import pytest
 
 pytest.importorskip("viser", reason="NO VISER, `ual view` is NOT TESTED: pip install 'ual-tools[view]'")
 
+from typing_extensions import override
 from websockets.asyncio import server as websockets_server
 
 from tests.descriptors import no_descriptors
@@ -21,6 +24,39 @@ from ual.errors import InvalidArgumentError
 from ual_tools.view.access import PageAccess
 from ual_tools.view.listener import PageSocket
 from ual_tools.view.server import serving
+
+
+class Waiters(deque[asyncio.Future[bool]]):
+    """What waits for an event; notes the threads that wake it."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.wakers: set[str] = set()
+
+    @override
+    def __iter__(self) -> Iterator[asyncio.Future[bool]]:
+        self.wakers.add(threading.current_thread().name)
+        return super().__iter__()
+
+
+def test_a_message_of_another_thread_wakes_what_sends_it_on_the_event_loop_alone() -> None:
+    """Else it fails where that begins to wait in the same moment, and the page that was being made stays empty."""
+    with serving(PageAccess("127.0.0.1", 0), "a title", lambda _: None) as server:
+        waiters = Waiters()
+        event = server._websock_server.get_message_buffer().message_event
+
+        async def send() -> bool:
+            event.clear()
+            event._waiters = waiters
+            return await event.wait()
+
+        sent = asyncio.run_coroutine_threadsafe(send(), server.get_event_loop())
+        until(lambda: len(waiters) == 1, "what waits")
+        server.gui.add_html("a text")
+        assert sent.result(LIMIT_S)
+    assert len(waiters.wakers) == 1
+    assert threading.current_thread().name not in waiters.wakers
+
 
 RETRY_S = 1
 """asyncio's pause after a connection that could not be accepted."""

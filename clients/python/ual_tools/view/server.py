@@ -1,7 +1,7 @@
 """The page's server: viser's, behind our guard. The only module that knows how viser serves.
 
 viser passes neither TLS nor a check of requests to `websockets`, nor a socket. So while it starts, its call of `serve`
-gets them.
+gets them. It sets an event of asyncio from other threads, so its buffers of messages get one that allows this.
 """
 
 from __future__ import annotations
@@ -17,6 +17,8 @@ from typing import Any
 
 import viser
 from typing_extensions import override
+from viser.infra import _infra
+from viser.infra._async_message_buffer import AsyncMessageBuffer
 from websockets.asyncio import server as websockets_server
 from websockets.asyncio.server import ServerConnection
 from websockets.exceptions import InvalidHandshake
@@ -34,6 +36,33 @@ _LARGEST_MESSAGE_BYTES = 1 << 20
 _HANDSHAKE_S = 10.0
 """Of TLS; as long as `websockets` waits for a request. asyncio would wait for a minute."""
 _Answer = Callable[[ServerConnection, Request], "Response | None"]
+
+
+class _LoopEvent(asyncio.Event):
+    """An event that other threads do not set: after each try viser sets it on the event loop, too.
+
+    asyncio's own fails in another thread if the loop begins to wait for it in the same moment. A browser whose page was
+    being made then had an empty one.
+    """
+
+    @override
+    def set(self) -> None:
+        try:
+            asyncio.get_running_loop()
+        except RuntimeError:
+            return
+        super().set()
+
+
+class _MessageBuffer(AsyncMessageBuffer):
+    """Messages for browsers, which any thread may add."""
+
+    def __init__(self, *arguments: Any, **options: Any) -> None:  # noqa: ANN401 (viser's own)
+        super().__init__(*arguments, **options)
+        self.message_event = _LoopEvent()
+
+
+vars(_infra)["AsyncMessageBuffer"] = _MessageBuffer
 
 
 class PageServer(viser.ViserServer):

@@ -124,10 +124,7 @@ class Viewer:
             time.sleep(max(0.0, due_s - time.monotonic()))
 
     def _try_to_draw(self, *, with_panels: bool) -> None:
-        """Draws one picture. One that fails does not end the view: the next one is drawn.
-
-        viser wakes its event loop from this thread, and raises where that loop begins to wait in the same moment.
-        """
+        """Draws one picture. One that fails does not end the view: the next one is drawn."""
         try:
             self.draw(with_panels=with_panels)
         except RuntimeError:
