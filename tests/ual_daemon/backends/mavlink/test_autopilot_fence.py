@@ -71,7 +71,6 @@ def test_goals_paths_and_take_offs_beyond_it_are_refused_with_the_parameters_nam
     uav.go_to_waypoint(flight.goal(25.0, 0.0))
     assert uav.state() is State.FLYING_AUTO
     assert from_home_m(flight) == pytest.approx(25.0, abs=0.5)
-    flight.land()
 
 
 def test_a_velocity_towards_it_stops_inside(flight: Flight) -> None:
@@ -88,7 +87,6 @@ def test_a_velocity_towards_it_stops_inside(flight: Flight) -> None:
     assert was_refused
     assert uav.state() is State.FLYING_AUTO
     assert 20.0 < from_home_m(flight) < RADIUS_M
-    flight.land()
 
 
 # --- Polygons and circles ---------------------------------------------------------------------------------------------
@@ -151,7 +149,6 @@ def test_zones_are_read_and_nothing_leads_into_them(zoned: Flight) -> None:
     north, east, _ = flight.autopilot.body.position
     assert (north, east) == pytest.approx((25.0, 0.0), abs=0.6)
     assert closest_m(flight, 15.0, 0.0) > 6.0
-    flight.land()
 
 
 def test_a_velocity_towards_a_zone_stops_before_it(zoned: Flight) -> None:
@@ -248,7 +245,6 @@ def test_a_fence_that_is_changed_in_flight_is_read_again(zoned: Flight) -> None:
     with pytest.raises(GeofenceError, match="exclusion polygon"):
         flight.uav.go_to_waypoint(Pose.at(20.0, 15.0, HEIGHT_M))
     flight.uav.go_to_waypoint(Pose.at(0.0, 15.0, HEIGHT_M))
-    flight.land()
 
 
 def test_a_fence_is_read_again_when_it_is_armed_and_after_a_boot(zoned: Flight) -> None:
@@ -311,7 +307,6 @@ def test_a_smaller_fence_that_is_reported_ends_the_task_before_the_breach(flight
     with pytest.raises(GeofenceError, match=r"beyond the autopilot's own fence \(FENCE_RADIUS: 25 m"):
         task.wait(LIMIT_S)
     assert flight.uav.state() is State.FLYING_AUTO
-    flight.land()
 
 
 def taken_back_from_its_return(flight: Flight, new_fence: tuple[bool, list[tuple[float, float]], float | None]) -> None:
@@ -373,7 +368,6 @@ def test_a_go_to_leads_back_into_a_fence_that_drops_positions_beyond_it(copter: 
     assert copter.uav.state() is State.FLYING_AUTO
     copter.let_pass(2.0)
     assert (copter.uav.pose().pose.position - goal.position).norm() < 0.3
-    copter.land()
 
 
 def test_the_return_path_begins_beyond_a_fence_that_drops_positions_there(copter: Flight) -> None:

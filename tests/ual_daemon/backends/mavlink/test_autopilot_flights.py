@@ -170,7 +170,6 @@ def test_a_daemon_that_was_killed_in_flight_and_is_new_tells_the_truth_at_once(f
         flight.wait_for_state(State.FLYING_MANUAL)
         flight.uav.recover_from_manual()
     assert flight.uav.state() is State.FLYING_AUTO
-    flight.land()
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -296,4 +295,3 @@ def test_a_delay_of_the_link_that_ends_is_no_jump_of_the_estimate(flight: Flight
         flight.link.down = Faults()
         flight.let_pass(1.0)
     task.wait(LIMIT_S)
-    flight.land()

@@ -66,7 +66,6 @@ def test_a_height_above_home_where_it_is_already_by_the_home_before(flight: Flig
     set_home(flight, 0.0, 0.0, 5.0)
     flight.uav.go_to_waypoint_geo(place.latitude_deg, place.longitude_deg, HEIGHT_M)
     assert above_home_m(flight) == pytest.approx(HEIGHT_M, abs=0.6)
-    flight.land()
 
 
 def test_the_return_path_leads_to_a_home_that_was_set_just_before(flight: Flight) -> None:
@@ -100,7 +99,6 @@ def test_home_is_requested_when_a_command_relies_on_it_and_not_by_a_dry_run(flig
     assert requests_made() == before
     flight.uav.go_to_waypoint_geo(place.latitude_deg, place.longitude_deg, HEIGHT_M)
     assert requests_made() == before + 1
-    flight.land()
 
 
 def test_a_height_that_contradicts_home_asks_for_it_and_counts_at_once(flight: Flight) -> None:
@@ -115,7 +113,6 @@ def test_a_height_that_contradicts_home_asks_for_it_and_counts_at_once(flight: F
     assert flight.now_s - set_s < 0.5
     assert flight.backend.snapshot().earth.home_altitude_amsl_m == pytest.approx(before_m - 2.0, abs=0.05)
     assert flight.uav.state() is State.FLYING_AUTO
-    flight.land()
 
 
 def test_an_origin_that_goes_back_and_forth_is_logged_when_it_begins_and_once_it_has_settled(

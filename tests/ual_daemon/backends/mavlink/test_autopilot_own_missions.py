@@ -703,7 +703,6 @@ def test_it_is_stopped_while_its_position_is_lost(flight: Flight, how: str) -> N
     builders[message_id] = told
     flight.wait_for(lambda: flight.uav.telemetry().flight_mode in ("OFFBOARD", "GUIDED"), "the control")
     flight.wait_for_state(State.FLYING_AUTO)
-    flight.land()
 
 
 @pytest.mark.parametrize("flight", ["ardupilot"], indirect=True)  # PX4's failsafe comes before UAL knows of it
@@ -739,7 +738,6 @@ def test_one_that_does_not_give_the_control_is_held_by_the_autopilot(
     flight.wait_for_state(State.FLYING_MANUAL)
     monkeypatch.undo()
     flight.uav.recover_from_manual()
-    flight.land()
 
 
 def test_how_far_it_is_is_assessed_by_what_it_does(flight: Flight) -> None:

@@ -147,7 +147,6 @@ def test_a_uav_that_was_carried_while_it_was_off_flies_back_to_its_home(start: S
     flight.take_off()
     flight.uav.go_to_waypoint(Pose.at(0.0, 0.0, 3.0))
     assert tuple(flight.current_position()) == near(0, 0, 3, 0.5)
-    flight.land()
 
 
 def test_home_is_as_exact_as_the_satellites(start: Start) -> None:
@@ -168,7 +167,6 @@ def test_map_stays_where_it_is_on_earth(start: Start) -> None:
     flight.take_off()
     flight.uav.go_to_waypoint(PoseStamped(Pose.at(here.x, here.y, here.z + 3.0), "map"))
     assert tuple(flight.current_position()) == near(0, 0, 3, 0.5)
-    flight.land()
 
 
 SQUARE = ((-15.0, -15.0), (15.0, -15.0), (15.0, 15.0), (-15.0, 15.0))
@@ -199,7 +197,6 @@ def test_frames_that_hang_on_odom_and_map_follow(start: Start) -> None:
     flight.take_off()
     flight.uav.go_to_waypoint(PoseStamped(Pose.at(0.0, 0.0, 3.0), "pad"))
     assert tuple(flight.current_position()) == near(2, 0, 3, 0.5)
-    flight.land()
 
 
 def _frame(name: str, parent: str) -> Transform:
@@ -264,7 +261,6 @@ def test_set_home_makes_a_lost_frame_known_again(lost: Placed) -> None:
     lost.take_off()
     lost.uav.go_to_waypoint(Pose.at(0.0, 0.0, 3.0))
     assert tuple(lost.current_position()) == near(20, 0, 3, 0.5)
-    lost.land()
 
 
 def test_a_fence_in_a_lost_frame_refuses_the_take_off() -> None:
@@ -302,7 +298,6 @@ def test_home_survives_a_restart_of_the_daemon_and_the_same_go_to_leads_there(st
     flight.take_off()
     flight.uav.go_to_waypoint(Pose.at(0.0, 0.0, 4.0))
     assert tuple(flight.current_position()) == near(10, 0, 4, 0.5)
-    flight.land()
 
 
 def test_home_survives_when_both_are_off_and_the_uav_is_carried(start: Start, home_file: Path) -> None:
@@ -429,7 +424,6 @@ def test_a_held_position_does_not_jump_when_the_origin_moves(start: Start) -> No
     assert tuple(flight.position()) == near(0, 0, 3, 0.5)  # the frames have followed
     flight.uav.go_to_waypoint(Pose.at(4.0, 0.0, 3.0))
     assert tuple(flight.current_position() - before) == near(4, 0, 0, 0.5)
-    flight.land()
 
 
 def test_a_held_position_does_not_jump_when_the_estimate_is_reset(start: Start) -> None:
@@ -440,7 +434,6 @@ def test_a_held_position_does_not_jump_when_the_estimate_is_reset(start: Start) 
     flight.autopilot.jump((6.0, -4.0, 1.5))
     assert _farthest_m(flight, before, 5.0) < 0.3
     assert tuple(flight.position()) == near(-4, 6, 1.5, 0.5)  # the estimate is believed
-    flight.land()
 
 
 @pytest.mark.parametrize("how", ["origin", "estimate"])
@@ -493,7 +486,6 @@ def test_small_jumps_are_executed_out(start: Start) -> None:
     flight.wait_for(lambda: flight.uav.velocity().twist.linear.norm() > 1.0, "its speed")
     flight.autopilot.jump((0.4, 0.4, 0.2))
     task.wait(LIMIT_S)
-    flight.land()
 
 
 @pytest.mark.parametrize("is_pose_set", [False, True])
@@ -510,7 +502,6 @@ def test_a_held_heading_does_not_turn_when_the_estimate_of_the_heading_is_reset(
     assert _farthest_turned_rad(flight, heading_rad, 5.0) < 0.1
     assert (flight.current_position() - before).norm() < 0.3
     assert flight.uav.state() is State.FLYING_AUTO
-    flight.land()
 
 
 def test_a_go_to_ends_when_the_heading_jumps_and_the_uav_holds_where_it_points(start: Start) -> None:
@@ -527,7 +518,6 @@ def test_a_go_to_ends_when_the_heading_jumps_and_the_uav_holds_where_it_points(s
     assert abs((flight.current_position() - before).y) < 0.5
     assert flight.uav.velocity().twist.linear.norm() < 0.2
     flight.uav.go_to_waypoint(flight.goal(-3.0, 0.0))  # by the new heading
-    flight.land()
 
 
 def test_a_velocity_goes_on_and_keeps_the_nose_when_the_heading_jumps(start: Start) -> None:
@@ -545,7 +535,6 @@ def test_a_velocity_goes_on_and_keeps_the_nose_when_the_heading_jumps(start: Sta
     assert turned_rad < 0.1
     assert (flight.current_position() - before).x > 2.5
     assert abs((flight.current_position() - before).y) < 0.4
-    flight.land()
 
 
 def test_a_take_off_goes_on_without_turning_when_the_heading_jumps(start: Start) -> None:
@@ -561,7 +550,6 @@ def test_a_take_off_goes_on_without_turning_when_the_heading_jumps(start: Start)
     task.wait(LIMIT_S)
     assert _farthest_turned_rad(flight, heading_rad, 3.0) < 0.1
     assert tuple(flight.current_position()) == near(0, 0, 4, 0.6)
-    flight.land()
 
 
 def _farthest_turned_rad(flight: Placed, from_rad: float, duration_s: float) -> float:
@@ -577,7 +565,6 @@ def test_a_set_home_in_the_wrong_state_is_still_refused(lost: Placed) -> None:
     lost.take_off()
     with pytest.raises(WrongStateError):
         lost.uav.set_home()
-    lost.land()
 
 
 def test_a_battery_that_was_not_measured_yet_after_a_boot_is_no_failsafe(start: Start) -> None:

@@ -102,7 +102,6 @@ def test_with_a_rangefinder_and_a_home_far_below_ardupilot_is_not_sent_up(copter
     flight.let_pass(1.5)
     flight.uav.take_off(HEIGHT_M)
     assert highest_m(flight) == pytest.approx(HEIGHT_M, abs=0.4)
-    flight.land()
 
 
 @pytest.mark.parametrize("to", [LOITER, STABILIZED, MANUAL])
