@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import ctypes
 import gc
-import importlib
+import importlib.util
 import json
 import os
 import runpy
@@ -212,7 +212,8 @@ def _server() -> _Server:
     process = subprocess.Popen(
         command,
         cwd=_ROOT,
-        env=os.environ | {"GRPC_VERBOSITY": "NONE"},  # as the daemon sets it before it imports gRPC
+        # The first as the daemon sets it before it imports gRPC. numpy would start threads, which a fork does not have.
+        env=os.environ | {"GRPC_VERBOSITY": "NONE", "OPENBLAS_NUM_THREADS": "1"},
         pass_fds=[its.fileno()],
         stdin=subprocess.DEVNULL,
         stdout=subprocess.DEVNULL,
@@ -243,10 +244,12 @@ def serve(connection: socket.socket) -> str:
         message, descriptors, _, _ = socket.recv_fds(connection, _MOST_BYTES, 3)
         if not message:
             return ""
+        request = Request(*json.loads(message))
+        if "view" in request.words and importlib.util.find_spec("viser"):
+            importlib.import_module("ual_tools.view.show")  # a third of a second; few processes need it
         pid = _fork()
         if not pid:
             connection.close()
-            request = Request(*json.loads(message))
             _become(request, descriptors)
             return request.program
         for each in descriptors:

@@ -20,8 +20,8 @@ from ual.types import State
 from ual_daemon import UAL
 
 COUNT = 30
-BLOCKS_EVERY = 6
-"""Blocks are counted in each sixth: the least of them counts."""
+BLOCKS_EVERY = 9
+"""Blocks are counted in each ninth, to and fro: the least of them counts."""
 SLOW = Vector3(0.3, 0.3, 0.0)
 _AT_NS = 1_800_000_000_000_000_000
 

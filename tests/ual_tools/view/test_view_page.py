@@ -31,6 +31,7 @@ CLICK: dict[str, Any] = {
     "screen_pos": ((0.5, 0.5),),
     "modifier": None,
 }
+NO_HEIGHTS: tuple[object, ...] = ("high", None, [], 1e300, -5.0, {"a": 1})
 
 
 def forge_everything(page: Forger) -> None:
@@ -166,19 +167,17 @@ def test_a_page_takes_and_releases_the_lease_after_it_was_confirmed(
         page.read_until_new("these pages do not hold the lease", point)
 
 
-@pytest.mark.parametrize("height_m", ["high", None, [], 1e300, -5.0, {"a": 1}])
-def test_values_that_no_page_sends_fly_nothing_and_end_nothing(
-    height_m: object, daemon: DaemonProcess, start_view: StartView
-) -> None:
+def test_values_that_no_page_sends_fly_nothing_and_end_nothing(daemon: DaemonProcess, start_view: StartView) -> None:
     daemon.wait_for("state", new="LANDED_ARMED")
     with forger(start_view("--control")) as page:
         button = page.read_until(f"Take off {daemon.ns}")
         height = page.read_until("Take-off height (m)")
-        page.send(type="GuiUpdateMessage", uuid=height, updates={"value": height_m})
-        page.send(type="GuiUpdateMessage", uuid=button, updates={"value": True})
-        page.send(type="GuiUpdateMessage", uuid=height, updates={"value": 2.0})
-        page.send(type="GuiUpdateMessage", uuid=button, updates={"value": True})
-        page.read_until(f"Confirm: {daemon.ns}: take off to 2 m")
+        for height_m, wrong in enumerate(NO_HEIGHTS, 2):
+            page.send(type="GuiUpdateMessage", uuid=height, updates={"value": wrong})
+            page.send(type="GuiUpdateMessage", uuid=button, updates={"value": True})
+            page.send(type="GuiUpdateMessage", uuid=height, updates={"value": float(height_m)})
+            page.send(type="GuiUpdateMessage", uuid=button, updates={"value": True})
+            page.read_until(f"Confirm: {daemon.ns}: take off to {height_m} m")
     assert [each for each in commands_in(daemon) if each["event"] == "command"] == []
 
 
