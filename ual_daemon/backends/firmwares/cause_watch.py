@@ -29,6 +29,8 @@ OWN_COMMAND_S = 5.0
 """A mode that comes this soon after a command of ours for it is ours."""
 OWN_EFFECT_S = 1.0
 """Seconds after an order about its mission (start, resumption, jump) within which it may hold by itself for it."""
+MISSION_END_S = 2.5
+"""Seconds after the mode that follows a mission within which its end may be reported: PX4 reports it once a second."""
 STREAM_S = 0.5
 """Seconds without a setpoint of ours after which a failsafe may be for that reason alone. Where it is known how long
 the autopilot waits for them, it is `LOST_SETPOINTS_SHARE` of that.
@@ -112,6 +114,10 @@ class CauseWatch:
         """Time of our last command of each mode, by name."""
         self._ordered_s = -math.inf
         """Time of our last order about its mission."""
+        self._ended_s = -math.inf
+        """Time of the last report that its mission is complete. It is repeated as long as that is so."""
+        self._was_on_mission = False
+        """Whether the mode before was that of its missions."""
         self.failing_sensors = 0
         """The sensors (MAV_SYS_STATUS) that are enabled, and not healthy."""
         self.aids = ""
@@ -138,6 +144,13 @@ class CauseWatch:
     def on_own_order(self, now_s: float) -> None:
         """Takes note of an order of ours about its mission, which it may end at once, and then holds by itself."""
         self._ordered_s = now_s
+
+    def on_mission_end(self, now_s: float) -> None:
+        """Takes a report that its mission is complete."""
+        self._ended_s = now_s
+        is_late = now_s - self._since_s <= MISSION_END_S
+        if self._is_settled and self._settled is Cause.GROUND_STATION and is_late and self._holds_by_itself():
+            self._settled = Cause.AUTOPILOT
 
     def on_system_status(self, status: int, now_s: float) -> None:
         """Takes the system status of a heartbeat."""
@@ -282,6 +295,8 @@ class CauseWatch:
     def _begin_mode(self, mode: Mode, now_s: float) -> None:
         self._was_found = not self._mode_name
         self._before_s, self._is_after_failsafe = self._since_s, self._explained_s >= self._since_s > -math.inf
+        missions = self._autopilot.missions
+        self._was_on_mission = missions is not None and self._mode_name == missions.mode
         self._mode_name, self._since_s, self._is_settled = mode.name, now_s, False
         if mode.name == self._autopilot.hold_mode:
             self._held_s, self._held_before_s = now_s, self._held_s
@@ -333,10 +348,14 @@ class CauseWatch:
         return Cause.AUTOPILOT if self._holds_by_itself() else Cause.GROUND_STATION
 
     def _holds_by_itself(self) -> bool:
-        """Returns whether it is in the mode that follows its missions, just after an order of ours about one."""
+        """Returns whether it is in the mode that follows its missions: as one is complete, or just after an order of
+        ours about one.
+        """
         missions = self._autopilot.missions
-        is_after = missions is not None and self._mode_name == missions.done_mode != missions.mode
-        return is_after and 0.0 <= self._since_s - self._ordered_s < OWN_EFFECT_S
+        if missions is None or self._mode_name != missions.done_mode or missions.done_mode == missions.mode:
+            return False
+        is_ordered = 0.0 <= self._since_s - self._ordered_s < OWN_EFFECT_S
+        return is_ordered or (self._was_on_mission and self._ended_s >= self._since_s - SIGN_LEAD_S)
 
     def _failsafe_that_flies(self, mode: Mode, *, is_over: bool) -> Cause | None:
         """Returns the failsafe by which the present mode came; None if there is no sign of one (yet)."""

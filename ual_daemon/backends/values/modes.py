@@ -50,7 +50,7 @@ class Cause(Enum):
     GROUND_STATION = "ground station"
     """Another mode of the autopilot, without a failsafe or a switch: a ground station or another program."""
     AUTOPILOT = "autopilot"
-    """The autopilot itself, which holds just after an order of UAL about its mission, and nothing shows others."""
+    """The autopilot itself: it holds as its mission is complete, or just after an order of UAL about that."""
     BATTERY = "battery failsafe"
     RC = "rc failsafe"
     """The transmitter is lost."""

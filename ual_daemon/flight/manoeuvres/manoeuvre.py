@@ -334,7 +334,7 @@ def taken_over(snapshot: Snapshot, during: str) -> TaskAbortedError:
     elif snapshot.control.is_of_command and cause is Cause.AUTOPILOT:
         what = "the autopilot follows a command of UAL from before"
     elif cause is Cause.AUTOPILOT:
-        what = "the autopilot holds by itself, just after a command of UAL"
+        what = "the autopilot holds by itself, as after a mission"
     elif state is State.FLYING_AUTO:  # nothing shows what else selects the mode in which UAL flies it
         what = "the safety pilot or a ground station took over"
     else:

@@ -141,6 +141,32 @@ def test_a_hold_just_after_an_order_about_the_mission_is_the_autopilots(
 
 
 @pytest.mark.parametrize(
+    ("told_s", "is_on_mission", "cause"),
+    [
+        (-0.8, True, Cause.AUTOPILOT),
+        (0.2, True, Cause.AUTOPILOT),
+        (1.0, True, Cause.AUTOPILOT),  # a ground station was named for a moment
+        (3.0, True, Cause.GROUND_STATION),
+        (None, True, Cause.GROUND_STATION),
+        (-0.8, False, Cause.GROUND_STATION),  # it was complete long before
+    ],
+)
+def test_a_hold_as_the_mission_is_complete_is_the_autopilots(
+    told_s: float | None, cause: Cause, *, is_on_mission: bool
+) -> None:
+    watch = Px4Watch()
+    watch.mode = watch.intended = 4 << 16 | 4 << 24 if is_on_mission else OFFBOARD
+    held_by = None
+    for step in range(500):
+        if step == 300:
+            watch.mode = watch.intended = HOLD
+        if told_s is not None and step == 300 + round(told_s / STEP_S):
+            watch.causes.on_mission_end(watch.now_s)
+        held_by = watch.pass_s(STEP_S, is_sending=True)
+    assert held_by is cause
+
+
+@pytest.mark.parametrize(
     ("after_s", "by", "text"),
     [
         (2.0, "autopilot", "the autopilot follows a command of UAL from before"),

@@ -972,3 +972,31 @@ def test_a_mission_that_ends_just_after_a_jump_to_its_last_item_has_succeeded(
     flight.wait_for(lambda: position_m(flight)[0] > 10.0, "its way")
     flight.uav.vehicle.missions.jump(3)
     assert task.wait(LIMIT_S).status is TaskStatus.SUCCEEDED
+
+
+@pytest.mark.parametrize("flight", ["px4"], indirect=True)
+@pytest.mark.parametrize("is_told_first", [True, False])
+def test_a_mission_that_px4_ends_before_its_landing_names_no_ground_station(
+    flight: Flight, *, is_told_first: bool
+) -> None:
+    """A real PX4 reports the end up to 1 s before it holds. Reported after 0.4 s, it corrects the holder only."""
+    flight.take_off()
+    task = flight.uav.task(start(flight, [at(flight, FAR_M, 0), landing(flight, FAR_M, FAR_M)]))
+    flight.wait_for(lambda: position_m(flight)[0] > 10.0, "its way")
+
+    def end() -> None:
+        flight.autopilot.mission.state = COMPLETE
+        if is_told_first:
+            flight.autopilot._request(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT, flight.autopilot.channels[0])
+
+    flight.when(lambda _: True, end)
+    with pytest.raises(TaskAbortedError) as caught:
+        task.wait(LIMIT_S)
+    if is_told_first:
+        assert "the autopilot holds by itself, as after a mission" in caught.value.message
+        assert caught.value.metadata["by"] == "autopilot"
+    flight.wait_for_state(State.FLYING_MANUAL)
+    flight.let_pass(3.0)
+    health = flight.uav.telemetry().health
+    assert health is not None
+    assert health.held_by == "autopilot"

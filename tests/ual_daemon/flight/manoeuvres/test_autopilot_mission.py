@@ -298,7 +298,7 @@ def test_a_hold_before_a_jump_of_ours_to_the_last_item_is_reported_may_be_its_en
         lab.offer.chosen.set_exception(RejectedByAutopilotError("it has no such item"))
         step = lab.autopilot.step(lab.mission)
         assert step.is_taken
-        assert "the autopilot holds by itself, just after a command of UAL" in str(step.error)
+        assert "the autopilot holds by itself, as after a mission" in str(step.error)
         return
     lab.run()
     lab.offer.told = MissionReport(MissionStage.COMPLETE, 2, None, lab.autopilot.time_s, 5)

@@ -14,6 +14,7 @@ from dataclasses import dataclass, replace
 from typing_extensions import override
 
 from ual.errors import LinkLostError, UalTimeoutError
+from ual.missions.plan import MissionStage
 from ual_daemon.backends import futures
 from ual_daemon.backends.firmwares.item_lists import not_current
 from ual_daemon.backends.mavlink.dialects.dialect import Dialect
@@ -112,6 +113,8 @@ class MissionProgressProtocol(Protocol):
         self.heard: MissionNews | None = None
         self.on_order: Callable[[float], object] = lambda _: None
         """Called with the time of each order that makes an item the current one."""
+        self.on_end: Callable[[float], object] = lambda _: None
+        """Called with the time of each report that the mission is complete."""
 
     @property
     @override
@@ -166,6 +169,8 @@ class MissionProgressProtocol(Protocol):
         if last is not None and (last.mission_id, last.total) == (mission_id, total):
             news = replace(news, reached=last.reached, reached_s=last.reached_s)  # else it is of another mission
         self.heard = news
+        if state == MissionStage.COMPLETE.value:
+            self.on_end(now_s)
         if self._setting is not None:
             self._setting.on_current(message.seq)
 

@@ -91,6 +91,7 @@ class Discovery(Selector):
             ),
         )
         self.protocols.progress.on_order = self._on_own_order
+        self.protocols.progress.on_end = self._on_mission_end
         self._settings = settings
         self._link = link
         self._setpoints = setpoints
@@ -121,6 +122,10 @@ class Discovery(Selector):
     def _on_own_order(self, now_s: float) -> None:
         if self.session is not None:
             self.session.on_own_order(now_s)
+
+    def _on_mission_end(self, now_s: float) -> None:
+        if self.session is not None:
+            self.session.on_mission_end(now_s)
 
     def _submit(self, request: LongCommand, now_s: float) -> None:
         if self.session is not None:

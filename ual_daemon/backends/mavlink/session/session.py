@@ -306,6 +306,10 @@ class MavlinkSession:
         """Takes note of an order of ours about its mission, which was sent besides the commands."""
         self._causes.on_own_order(now_s)
 
+    def on_mission_end(self, now_s: float) -> None:
+        """Takes a report of the autopilot that its mission is complete."""
+        self._causes.on_mission_end(now_s)
+
     def tick(self, now_s: float) -> None:
         """Does what is due, and what could wait until the last update was published; to be called often."""
         self.learn()
