@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import pytest
 
-from ual.errors import UalError
+from ual.errors import UalTimeoutError
 from ual.geometry import Twist, TwistStamped, Vector3
 from ual_tools import flight
 from ual_tools.session import CommandSession
@@ -39,7 +39,9 @@ def repeat(uav: FakeUav, monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("gap_s", [2.5, 3600.0])
 def test_after_a_standstill_of_the_program_no_velocity_follows(monkeypatch: pytest.MonkeyPatch, gap_s: float) -> None:
     uav = FakeUav(0.05, gap_s)
-    with pytest.raises(UalError, match=f"stood still for {gap_s:.1f} s, so the UAV has stopped by itself"):
+    with pytest.raises(
+        UalTimeoutError, match=f"velocity: this program stood still for {gap_s:.1f} s, so the UAV has stopped by itself"
+    ):
         repeat(uav, monkeypatch)
     assert uav.taken_count == 2
 

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 import click
 
 from ual.discovery import HOME
-from ual.errors import UalError
+from ual.errors import UalError, UalTimeoutError
 from ual.geometry import Pose, PoseStamped, Twist, TwistStamped, Vector3
 from ual.interface import Uav
 from ual.types import AltitudeReference, Limits, State
@@ -255,8 +255,8 @@ def _repeat(session: CommandSession, uav: Uav, wanted: TwistStamped, duration_s:
     with noted as interrupted:
         while (now_s := _now_s()) < end_s or now_s - sent_s > _LONGEST_STANDSTILL_S:
             if now_s - sent_s > _LONGEST_STANDSTILL_S:
-                text = f"stood still for {now_s - sent_s:.1f} s, so the UAV has stopped by itself: nothing more is sent"
-                raise UalError(text)
+                stood = f"velocity: this program stood still for {now_s - sent_s:.1f} s"
+                raise UalTimeoutError(f"{stood}, so the UAV has stopped by itself: nothing more is sent")
             uav.set_velocity(wanted)
             sent_s = _now_s()
             if interrupted.wait(max(0.0, min(_VELOCITY_PERIOD_S, end_s - sent_s))):
