@@ -622,7 +622,7 @@ class Flight:
 
     def prepare_shutdown(self) -> Future[None]:
         """See `ual_daemon.vehicle.vehicle.Vehicle.prepare_shutdown`."""
-        shutdown = Shutdown(self._backend, self.is_in_control)
+        shutdown = Shutdown(self._backend, self.is_in_control, self.authority.leave)
         self._swap(None, partial(self._ends_with_shutdown, shutdown))
         begun = self._shutdown
         assert begun is not None
@@ -655,7 +655,7 @@ class Flight:
 
     def close(self) -> None:
         """Ends what is left. To be called once no more updates come."""
-        shutdown = Shutdown(self._backend, self.is_in_control)
+        shutdown = Shutdown(self._backend, self.is_in_control, self.authority.leave)
         error = TaskAbortedError(f"{self._backend.options.ns} was closed", {"by": "close"})
         self._swap(None, partial(self._ends_with_close, shutdown, error))
         self.sender.forget()

@@ -28,13 +28,20 @@ class Shutdown:
     """One handover to the autopilot. `future` ends when the UAV needs no more references from UAL, or with a
     LinkLostError when it is not known for too long whether it does.
 
-    `is_in_control` returns whether UAL flies it: the flight of others is left alone.
+    `is_in_control` returns whether UAL flies it: the flight of others is left alone. `on_left` is called with what is
+    left to the autopilot, before it is commanded.
     """
 
-    def __init__(self, backend: Backend, is_in_control: Callable[[], bool]) -> None:
+    def __init__(
+        self,
+        backend: Backend,
+        is_in_control: Callable[[], bool],
+        on_left: Callable[[str], object] = lambda _: None,
+    ) -> None:
         self.future: Future[None] = Future()
         self._backend = backend
         self._is_in_control = is_in_control
+        self._on_left = on_left
         self._hold: AutopilotCommand | None = None
         self._blind_since_s: float | None = None
         self._error: UalError | None = None
@@ -99,6 +106,7 @@ class Shutdown:
                 return False
             hold = self._hold = AutopilotCommand("hold its position")
         logs.event(_log, logging.INFO, "hold_by_autopilot", why="UAL is shutting down")
+        self._on_left("hold by itself")
         hold.send(self._backend.hold, snapshot)
         return True
 

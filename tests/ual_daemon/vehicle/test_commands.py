@@ -103,6 +103,17 @@ def test_a_pilot_who_takes_over_in_the_moment_of_the_shutdown_keeps_the_uav(monk
         assert uav.vehicle.telemetry().flight_mode == "MANUAL"
 
 
+def test_after_a_shutdown_the_hold_is_reported_as_that_of_ual() -> None:
+    """The last state of a daemon named nobody."""
+    with stepped() as uav:
+        bring_to(uav, State.FLYING_AUTO)
+        uav.end(uav.vehicle.prepare_shutdown())
+        uav.run(1.0)
+        told = uav.vehicle.telemetry()
+        assert told.state is State.FLYING_MANUAL
+        assert told.state_reason.endswith("; UAL has had the autopilot hold by itself")
+
+
 def bring_to(uav: Stepped, state: State) -> None:
     uav.arm()
     if state is not State.LANDED_ARMED:

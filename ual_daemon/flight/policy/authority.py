@@ -82,11 +82,15 @@ class Authority:
         """
         self.is_ours = not is_taken
         if left_to:
-            self.taken = f"UAL has had the autopilot {left_to}"
+            self.leave(left_to)
         if is_taken:
             self._note_taken(snapshot, "others took it")
         if is_taken and by == Cause.GROUND_STATION.value and snapshot.control.held_by is None:
             self.taken, self.holder = f"the {by} has brought another mission", Cause.GROUND_STATION
+
+    def leave(self, left_to: str) -> None:
+        """Notes what UAL leaves to the autopilot; see `end`. It is named until the autopilot tells another holder."""
+        self.taken = f"UAL has had the autopilot {left_to}"
 
     def follow(self, state: State, snapshot: Snapshot) -> None:
         """Notes what an update shows, also while a manoeuvre is in progress; before `observe`."""
@@ -132,6 +136,8 @@ class Authority:
         by, mode = snapshot.control.held_by, snapshot.control.mode
         if not self._has_flown or mode is None or by is Cause.OPEN or (by is None and self.taken):
             return
+        if by is None and snapshot.control.is_of_command:
+            unknown = "the autopilot follows a command of UAL from before"
         self.taken = f"{unknown if by is None else _took(by)} (mode {mode.value.text})"
 
     def _follow_silence(self, snapshot: Snapshot) -> None:
