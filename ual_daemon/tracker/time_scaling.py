@@ -117,6 +117,12 @@ class TimeScaling:
         as far as the limits allow.
         """
         self._wait_s -= passed_s
+        if self._change is None and self._scale == wanted_scale == 1.0 and self._scale_rate == 0.0:
+            end_s = min(limit_s, self._trajectory.duration_s)
+            if self.time_s < end_s:  # the usual case, as below: unscaled, on the way
+                self.time_s = min(self.time_s + passed_s, end_s)
+                self.motion = self._trajectory.at(self.time_s)
+                return
         if self._is_at_rest():  # at any scale it stays at rest
             self._change, self._scale, self._scale_rate = None, wanted_scale, 0.0
             if self.time_s == min(limit_s, self._trajectory.duration_s):

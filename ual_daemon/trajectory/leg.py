@@ -27,6 +27,8 @@ class Leg:
     next_direction: Vector3
     up_s: float
     """The duration of `up`. A value, as each update asks; so are those that follow."""
+    up_m: float
+    """The length of `up`."""
     straight_s: float
     """The duration of the straight part."""
     cruise: Vector3
@@ -61,6 +63,7 @@ class Leg:
             corner or Pulse(),
             next_direction or direction,
             up.duration_s,
+            (before + peak) / 2 * up.duration_s,
             up.duration_s + cruise_s + down.duration_s,
             direction * peak,
         )
@@ -77,11 +80,12 @@ class Leg:
     def at(self, time_s: float) -> tuple[Vector3, Vector3, Vector3]:
         """Returns position, velocity and acceleration at a time from 0 to the duration."""
         straight_s = self.straight_s
-        d, p = self.direction, self.begin
+        d, p, cruising_s = self.direction, self.begin, time_s - self.up_s
+        if 0.0 <= cruising_s < self.cruise_s:  # most of the time
+            s = self.up_m + self.peak_m_s * cruising_s
+            return Vector3(p.x + d.x * s, p.y + d.y * s, p.z + d.z * s), self.cruise, _ZERO
         s, v, a = self._along(min(time_s, straight_s))
         position = Vector3(p.x + d.x * s, p.y + d.y * s, p.z + d.z * s)
-        if a == 0.0 and v == self.peak_m_s and time_s <= straight_s:
-            return position, self.cruise, _ZERO
         if time_s <= straight_s:
             return position, Vector3(d.x * v, d.y * v, d.z * v), Vector3(d.x * a, d.y * a, d.z * a)
         t = time_s - straight_s
@@ -98,7 +102,7 @@ class Leg:
             path, speed, acceleration = self.up.at(t)
             change = peak - before
             return before * t + change * path, before + change * speed, change * acceleration
-        begun_m = (before + peak) / 2 * up_s
+        begun_m = self.up_m
         t -= up_s
         if t < self.cruise_s:
             return begun_m + peak * t, peak, 0.0

@@ -52,6 +52,16 @@ class StraightTrajectory(Trajectory):
         return ((0.0, self._path.bend_s),)
 
     @override
+    def end(self) -> Motion:
+        return self._end
+
+    @override
+    def length_left_m(self, time_s: float) -> float:
+        if time_s >= self.duration_s:
+            return 0.0
+        return (self._end.position - self._path.at(time_s)[0]).norm()
+
+    @override
     def at(self, time_s: float) -> Motion:
         if time_s >= self.duration_s:
             return self._end

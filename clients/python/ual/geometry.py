@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, SupportsFloat, overload
 
 from typing_extensions import override
 
+from ual._quick import quick
 from ual._wrong_type import require, wrong_type
 from ual.errors import InvalidArgumentError
 
@@ -265,6 +266,7 @@ def wrap_angle(angle_rad: float) -> float:
     return math.remainder(angle_rad, math.tau)
 
 
+@quick
 @dataclass(frozen=True, slots=True, repr=False)
 class Pose:
     """Position (m) and orientation."""
@@ -294,6 +296,7 @@ class Pose:
         return f"Pose(position={self.position!r}, orientation={self.orientation!r}; yaw_rad: {heading})"
 
 
+@quick
 @dataclass(frozen=True, slots=True)
 class Twist:
     """Linear (m/s) and angular (rad/s) velocity."""
@@ -363,6 +366,7 @@ def stamped_twist(velocity: TwistStamped | Twist, field: str = "velocity") -> Tw
     return stamped
 
 
+@quick
 @dataclass(frozen=True, slots=True)
 class Transform:
     """Converts coordinates in the child frame to the parent `frame_id`: p = rotation * p_child + translation."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from ual._quick import quicken
 from ual.contract.odometry import Odometry
 from ual.contract.uav import (
     AltitudeReference,
@@ -65,6 +66,8 @@ __all__ = [
     "TaskStatus",
     "Telemetry",
 ]
+
+quicken(Battery, GeoPoint, Odometry, TaskInfo, Telemetry)  # each sample is made of them
 
 Waypoints = Sequence[PoseStamped | Pose] | Sequence[GeoWaypoint]
 """Of a path: poses, in any frames, or geographic positions."""

@@ -503,7 +503,10 @@ class LightBackend(Backend):
         landed = LandedState.ON_GROUND if is_landed else LandedState.IN_AIR
         if mode == FlightMode.LAND and not is_landed:
             landed = LandedState.LANDING
-        battery = Battery(percent, _EMPTY_V + (_FULL_V - _EMPTY_V) * percent / 100.0, 12.0 if is_armed else 0.5)
+        shown = round(percent, 1)  # no autopilot tells more; so the same value lasts for a while
+        battery = Battery(shown, _EMPTY_V + (_FULL_V - _EMPTY_V) * shown / 100.0, 12.0 if is_armed else 0.5)
+        if battery == last.condition.battery:
+            battery = last.condition.battery
         self._status = _Status(
             now_s,
             values,

@@ -357,7 +357,10 @@ class LightCameras(CameraDrivers):
     @property
     def is_busy(self) -> bool:
         """Whether `step` is to be called after each step of the world."""
-        return bool(self._cameras) and any(each.is_busy for each in self._cameras)
+        for each in self._cameras:  # noqa: SIM110  each step of each UAV asks, and a generator costs as much again
+            if each.is_busy:
+                return True
+        return False
 
     def step(self, seen: CameraMoment) -> None:
         """Takes the pictures that are due."""

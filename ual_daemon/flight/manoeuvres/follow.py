@@ -170,7 +170,8 @@ class FollowTrajectory(Manoeuvre):
     def _progress(self, snapshot: Snapshot, motion: Motion, time_s: float) -> Progress:
         """Returns the progress for a motion of the reference and its time on the trajectory."""
         trajectory, _, _, flown_m, first_waypoint = self._way
-        lag_m = (measured_motion(snapshot).position - motion.position).norm()
+        measured = snapshot.motion.pose
+        lag_m = 0.0 if measured is None else (measured.value.position - motion.position).norm()
         left_m = trajectory.length_left_m(time_s) + lag_m
         length_m, duration_s = flown_m + trajectory.length_m, trajectory.duration_s
         if length_m > 0.0:

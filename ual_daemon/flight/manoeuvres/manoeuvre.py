@@ -295,6 +295,10 @@ def why_not_ours(snapshot: Snapshot, estimate: Estimate, during: str) -> UalErro
 
     Reasons are a lost link or position, motors that were disarmed, and an autopilot that does not follow references.
     """
+    state, mode = estimate.state, snapshot.control.mode
+    is_known = estimate.is_link_up and state is not State.UNINITIALIZED and state is not State.LANDED_DISARMED
+    if is_known and mode is not None and mode.value.control is Control.REFERENCES:  # nearly always: no calls
+        return None
     blind = why_blind(estimate, during)
     if blind is not None:
         return blind
