@@ -18,7 +18,8 @@ _POLAR_M = _WGS84.a * (1.0 - _F)
 _SECOND_ECCENTRICITY_SQUARED = (2.0 - _F) * _F / (1.0 - _F) ** 2
 _NEAR_M = 100_000.0
 """Up to this distance Vincenty's series are within 1 micrometre of the geodesic."""
-_SAME_RAD = 1e-15
+_SAME_RAD = 1e-12
+"""A round after which the angle has changed by less leaves an error of a thousandth of that."""
 _ROUNDS_COUNT = 6
 
 _ZERO_DEG = 1e-7
@@ -98,7 +99,6 @@ class EllipsoidProjection(Projection):
         b = k * (1.0 - 0.375 * k * k)
         from_equator_rad = 2.0 * math.atan2(tan_u, cos_azimuth)
         first_rad = sigma_rad = distance_m * (1.0 - k) / (_POLAR_M * (1.0 + k * k / 4.0))
-        sin, cos, middle = 0.0, 1.0, 1.0
         for _ in range(_ROUNDS_COUNT):
             sin, cos, middle = math.sin(sigma_rad), math.cos(sigma_rad), math.cos(from_equator_rad + sigma_rad)
             off = 2.0 * middle * middle - 1.0
@@ -106,6 +106,7 @@ class EllipsoidProjection(Projection):
             last_rad, sigma_rad = sigma_rad, first_rad + b * sin * (middle + b / 4.0 * (cos * off - more))
             if abs(sigma_rad - last_rad) < _SAME_RAD:
                 break
+        sin, cos, middle = math.sin(sigma_rad), math.cos(sigma_rad), math.cos(from_equator_rad + sigma_rad)
         across = sin_u * sin - cos_u * cos * cos_azimuth
         latitude_rad = math.atan2(sin_u * cos + cos_u * sin * cos_azimuth, (1.0 - _F) * math.hypot(sin_alpha, across))
         c = _F / 16.0 * cos_squared_alpha * (4.0 + _F * (4.0 - 3.0 * cos_squared_alpha))

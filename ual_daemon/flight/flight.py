@@ -682,7 +682,11 @@ class Flight:
         self.authority.follow(raw.state, snapshot)
         self.arming.follow(snapshot, is_idle=manoeuvre is None)
         is_taking_off = manoeuvre is not None and manoeuvre.declares is State.TAKING_OFF
-        is_led = _is_led(manoeuvre)
+        is_led = (
+            manoeuvre is not None
+            and manoeuvre.declares is not State.LANDING
+            and manoeuvre.current_reference() is not None
+        )
         is_on_way = is_led and manoeuvre is not None and manoeuvre.task is not None
         self.geofence.observe(snapshot, raw, is_taking_off=is_taking_off, is_on_way=is_on_way, is_led=is_led)
         if snapshot.time_s >= self.following.due_s:
@@ -804,13 +808,6 @@ def _ends_with_handover(left: Manoeuvre | None, old: Manoeuvre | None) -> Ending
 def _ends_by_jump(jump: EstimateJump, stop: Reference, old: Manoeuvre | None) -> Ending | None:
     error = None if old is None else old.estimate_jumped(jump, stop)
     return None if error is None else Ending(error)
-
-
-def _is_led(manoeuvre: Manoeuvre | None) -> bool:
-    """Returns whether it flies by references, and is not to land."""
-    if manoeuvre is None or manoeuvre.declares is State.LANDING:
-        return False
-    return manoeuvre.current_reference() is not None
 
 
 def _is_recover_unsent(manoeuvre: Manoeuvre) -> bool:

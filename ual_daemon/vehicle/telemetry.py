@@ -105,15 +105,21 @@ def make_telemetry(
     }
     # Of immutable values only: what is read late must be as it was now.
     placed = body if odom_loss is None else None
-    late: dict[str, Callable[[], Any]] = {
-        "odometry": partial(_odometry, placed, twist, tree.odom, tree.body, stamp_s),
-        "transform": partial(_in_map, in_map, body, tree.body, stamp_s),
-        "position_geo": snapshot.position_geo,
-        "health": partial(_health, snapshot, doing.following.why, doing.holder, daemon_checks),
-    }
     if is_late:
+        late: dict[str, Callable[[], Any]] = {
+            "odometry": partial(_odometry, placed, twist, tree.odom, tree.body, stamp_s),
+            "transform": partial(_in_map, in_map, body, tree.body, stamp_s),
+            "position_geo": snapshot.position_geo,
+            "health": partial(_health, snapshot, doing.following.why, doing.holder, daemon_checks),
+        }
         return Telemetry.late(lambda name: late[name](), **known)
-    return Telemetry(**known, **{name: make() for name, make in late.items()})
+    return Telemetry(
+        **known,
+        odometry=_odometry(placed, twist, tree.odom, tree.body, stamp_s),
+        transform=_in_map(in_map, body, tree.body, stamp_s),
+        position_geo=snapshot.position_geo(),
+        health=_health(snapshot, doing.following.why, doing.holder, daemon_checks),
+    )
 
 
 def _health(snapshot: Snapshot, trouble: str, holder: Cause | None, daemon_checks: tuple[str, ...]) -> Health | None:

@@ -7,11 +7,11 @@ stays there.
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from ual.geometry import Quaternion, wrap_angle
 from ual_daemon.backends.values import Snapshot
 from ual_daemon.flight.policy.jumps import Confirmation, EstimateJump
-from ual_daemon.immutable import immutable
 
 JUMP_RAD = 0.2
 """Least turn of an estimate in rad that counts as a jump; noise stays below it, and is turned back."""
@@ -25,7 +25,7 @@ _HEADING_S = 0.5
 """After a longer gap between two headings nothing can be said."""
 
 
-@immutable
+@dataclass(slots=True)
 class _ReceivedHeading:
     """A heading, a yaw rate, when they were received, and in which boot."""
 
@@ -49,10 +49,15 @@ class HeadingJumpDetector:
         if pose is None or velocity is None or not poses.is_new(pose):
             return None
         orientation, last = pose.value.orientation, poses.last
+        rate_rad_s, boots_count = velocity.value.angular.z, snapshot.link.boots_count
         yaw_rad = last.yaw_rad if last is not None and orientation is last.orientation else orientation.yaw_rad
-        new = _ReceivedHeading(orientation, yaw_rad, velocity.value.angular.z, pose.time_s, snapshot.link.boots_count)
-        if last is None or abs(math.remainder(yaw_rad - last.yaw_rad, math.tau)) <= JUMP_RAD:  # nearly always
-            poses.last, poses.is_waiting = new, False
+        if last is not None and abs(math.remainder(yaw_rad - last.yaw_rad, math.tau)) <= JUMP_RAD:  # nearly always
+            last.orientation, last.yaw_rad, last.rate_rad_s = orientation, yaw_rad, rate_rad_s
+            last.received_s, last.boots_count, poses.is_waiting = pose.time_s, boots_count, False
+            return None
+        new = _ReceivedHeading(orientation, yaw_rad, rate_rad_s, pose.time_s, boots_count)
+        if last is None:
+            poses.accept(new)
             return None
         jump_rad = _jump_rad(last, new)
         return EstimateJump(yaw_rad=jump_rad) if poses.confirms(new, has_jumped=bool(jump_rad)) else None

@@ -7,11 +7,11 @@ position changed by far more than the velocity explains, and stays there. `headi
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import Generic, NamedTuple, TypeVar
 
 from ual.geometry import Pose, Vector3
 from ual_daemon.backends.values import Sample, Snapshot
-from ual_daemon.immutable import immutable
 
 T = TypeVar("T")
 
@@ -55,7 +55,7 @@ class EstimateJump(NamedTuple):
         return math.degrees(self.yaw_rad)
 
 
-@immutable
+@dataclass(slots=True)
 class _ReceivedPosition:
     """A position and velocity, when they were received and (0 where that is not known) measured, and in which boot.
 
@@ -126,12 +126,16 @@ class JumpDetector:
             return None
         last = poses.last
         measured_s = snapshot.motion.measured_s or snapshot.motion.stamp_s
-        new = _ReceivedPosition(
-            pose.value.position, sample.value.linear, pose.time_s, measured_s, snapshot.link.boots_count
-        )
-        if last is not None and not poses.is_waiting and self._is_continued(last, new):
-            poses.last = new
+        place, velocity, boots_count = pose.value.position, sample.value.linear, snapshot.link.boots_count
+        if (
+            last is not None
+            and boots_count == last.boots_count
+            and not poses.is_waiting
+            and self._is_continued(last, place, velocity, pose.time_s)
+        ):
+            last.position, last.velocity, last.received_s, last.measured_s = place, velocity, pose.time_s, measured_s
             return None
+        new = _ReceivedPosition(place, velocity, pose.time_s, measured_s, boots_count)
         passed_s = 0.0 if last is None else _longest_s(last, new)
         if last is None or new.boots_count != last.boots_count:
             poses.is_waiting = False
@@ -143,27 +147,27 @@ class JumpDetector:
             poses.accept(new)
             return None
         step = _unexplained(last, new, passed_s)
-        free_m = self._free_m(new) + _ACCELERATION_M_S2 / 2 * passed_s * passed_s
+        free_m = self._free_m(new.received_s) + _ACCELERATION_M_S2 / 2 * passed_s * passed_s
         return EstimateJump(step) if poses.confirms(new, has_jumped=step.norm() > free_m) else None
 
-    def _free_m(self, new: _ReceivedPosition) -> float:
+    def _free_m(self, received_s: float) -> float:
         """Returns by how much the position may change without an explanation."""
-        is_announced = new.received_s - self._announced_s < ANNOUNCED_JUMP_S
+        is_announced = received_s - self._announced_s < ANNOUNCED_JUMP_S
         return max(ANNOUNCED_JUMP_M if is_announced else JUMP_M, _STEP_NOISE_FACTOR * self._usual_m)
 
-    def _is_continued(self, last: _ReceivedPosition, new: _ReceivedPosition) -> bool:
-        """Returns whether the velocity explains the change of position well. In plain numbers, as each update calls
-        it.
+    def _is_continued(self, last: _ReceivedPosition, q: Vector3, w: Vector3, received_s: float) -> bool:
+        """Returns whether the velocity explains the change to a position `q`, with a velocity `w`, well. In plain
+        numbers, as each update calls it.
         """
-        passed_s = new.received_s - last.received_s
-        if not 0.0 <= passed_s <= _LONGEST_POSITION_GAP_S or new.boots_count != last.boots_count:
+        passed_s = received_s - last.received_s
+        if not 0.0 <= passed_s <= _LONGEST_POSITION_GAP_S:
             return False
-        p, v, q, w = last.position, last.velocity, new.position, new.velocity
+        p, v = last.position, last.velocity
         half_s = passed_s / 2
         size_m = math.hypot(
             q.x - p.x - (v.x + w.x) * half_s, q.y - p.y - (v.y + w.y) * half_s, q.z - p.z - (v.z + w.z) * half_s
         )
-        if size_m > ANNOUNCED_JUMP_M and size_m > self._free_m(new):
+        if size_m > ANNOUNCED_JUMP_M and size_m > self._free_m(received_s):
             return False
         self._usual_m += (size_m - self._usual_m) * _STEP_SMOOTHING_SHARE
         return True
