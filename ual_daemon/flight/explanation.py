@@ -56,7 +56,7 @@ class Explanation:
         """
         estimator, other = snapshot.motion.estimator, snapshot.control.other_sender
         if estimator is not None and estimator.value.is_good:
-            self.external_silence.note_good(snapshot.time_s)
+            self.external_silence.good_s = snapshot.time_s
         if other != self._other_sender:
             self._other_sender = other
             level = logging.WARNING if other else logging.INFO

@@ -25,8 +25,8 @@ class ExternalSilence:
         self._dropped = (-math.inf, "")
         """Time of the newest pose that was dropped or refused, and the reason."""
         self._doubted = (-math.inf, "")
-        self._good_s = -math.inf
-        """Last time at which the autopilot had a good position."""
+        self.good_s = -math.inf
+        """Last time at which the autopilot had a good position. An attribute, as each update sets it."""
         self.is_heard = False
         """Whether any has come."""
         self.is_doubtful = False
@@ -37,10 +37,6 @@ class ExternalSilence:
         if self._last_s is None or now_s - self._last_s > NOTICED_SILENCE_S:
             self._since_s = now_s
         self._last_s, self.is_heard = now_s, True
-
-    def note_good(self, now_s: float) -> None:
-        """Notes that the autopilot has a good position."""
-        self._good_s = now_s
 
     def dropped(self, now_s: float, why: str) -> None:
         """Notes that a pose came, but was dropped or refused."""
@@ -82,5 +78,5 @@ class ExternalSilence:
             return ""
         if now_s - dropped_s <= NOTICED_SILENCE_S:
             return f"; the poses from outside are dropped: {why}"
-        was_lost_soon = 0.0 <= self._good_s - (now_s - passed_s) <= _RECENT_LOSS_S
+        was_lost_soon = 0.0 <= self.good_s - (now_s - passed_s) <= _RECENT_LOSS_S
         return f"; no poses from outside for {passed_s:.1f} s" if passed_s <= _RECENT_LOSS_S or was_lost_soon else ""

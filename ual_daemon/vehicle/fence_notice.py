@@ -20,17 +20,18 @@ class FenceNotice:
 
     def __init__(self, info: Callable[[], VehicleInfo], *, is_needed: bool) -> None:
         self._info = info
-        self._next_s = -math.inf if is_needed else math.inf
+        self.due_s = -math.inf if is_needed else math.inf
+        """Time of the next look. An attribute, as each update asks."""
 
     def observe(self, now_s: float) -> None:
         """Looks, now and then. To be called at each update."""
-        if now_s < self._next_s:
+        if now_s < self.due_s:
             return
-        self._next_s = now_s + CHECK_PERIOD_S
+        self.due_s = now_s + CHECK_PERIOD_S
         applies = self._info().applies_fence
         if applies is None:
             return
-        self._next_s = math.inf
+        self.due_s = math.inf
         if not applies:
             why = "UAL has a geofence, the autopilot applies none: without UAL nothing keeps the UAV inside"
             logs.event(_log, logging.WARNING, "autopilot_lacks_fence", why=why, remedy="ual fence upload")

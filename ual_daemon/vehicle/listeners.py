@@ -14,18 +14,19 @@ class Listeners(Generic[T]):
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._listeners: tuple[T, ...] = ()
+        self.all: tuple[T, ...] = ()
+        """The listeners at present."""
 
     def __iter__(self) -> Iterator[T]:
-        return iter(self._listeners)
+        return iter(self.all)
 
     def add(self, listener: T) -> Callable[[], None]:
         """Adds a listener. Returns the function that removes it."""
         with self._lock:
-            self._listeners = (*self._listeners, listener)
+            self.all = (*self.all, listener)
 
         def remove() -> None:
             with self._lock:
-                self._listeners = tuple(other for other in self._listeners if other is not listener)
+                self.all = tuple(other for other in self.all if other is not listener)
 
         return remove

@@ -172,7 +172,7 @@ class ReportedVehicle(ABC):
         if found.state is not self._last_state:
             self._publish_state(found)
         due, is_late = [], True
-        for subscriber in self._subscribers:
+        for subscriber in self._subscribers.all:
             if subscriber.is_due():
                 due.append(subscriber)
                 is_late = is_late and not subscriber.reads_all

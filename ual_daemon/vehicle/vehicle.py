@@ -380,7 +380,8 @@ class Vehicle(ReportedVehicle):
             self._contained.tell(error)
         if snapshot.time_s >= self.gimbals.due_s:
             self._contained.call(self.gimbals.update, snapshot)
-        self._fence_notice.observe(snapshot.time_s)
+        if snapshot.time_s >= self._fence_notice.due_s:
+            self._fence_notice.observe(snapshot.time_s)
         if snapshot.condition.severe_texts is not self._severe_log.seen:  # no call for each update
             self._severe_log.observe(snapshot.condition.severe_texts)
 

@@ -23,10 +23,6 @@ if TYPE_CHECKING:
     from numpy.typing import DTypeLike, NDArray
 
 
-_NUMBERS = (float, int)
-"""The usual classes of a component. Others are asked whether they are several: that takes three calls."""
-
-
 class _Components:
     """The base of values that are a few numbers in an order."""
 
@@ -63,7 +59,7 @@ class Vector3(_Components):
     @overload
     def __init__(self, x: Iterable[SupportsFloat]) -> None: ...
     def __init__(self, x: float | Iterable[SupportsFloat] = 0.0, y: float = 0.0, z: float = 0.0) -> None:
-        if x.__class__ not in _NUMBERS and isinstance(x, Iterable) and not isinstance(x, (str, bytes)):
+        if type(x) is not float and type(x) is not int and isinstance(x, Iterable) and not isinstance(x, (str, bytes)):
             x, y, z = _numbers(x, (y, z), (0.0, 0.0), "three")
         _set_x(self, x)
         _set_y(self, y)
@@ -112,6 +108,7 @@ class Vector3(_Components):
         return math.hypot(self.x, self.y)
 
 
+# The usual classes of a component come first: others are asked whether they are several, which takes three calls.
 _set_x, _set_y, _set_z = (vars(Vector3)[name].__set__ for name in ("x", "y", "z"))
 """Each update makes hundreds of vectors, and ``object.__setattr__`` takes half as long again."""
 
@@ -135,7 +132,7 @@ class Quaternion(_Components):
     def __init__(
         self, x: float | Iterable[SupportsFloat] = 0.0, y: float = 0.0, z: float = 0.0, w: float = 1.0
     ) -> None:
-        if x.__class__ not in _NUMBERS and isinstance(x, Iterable) and not isinstance(x, (str, bytes)):
+        if type(x) is not float and type(x) is not int and isinstance(x, Iterable) and not isinstance(x, (str, bytes)):
             x, y, z, w = _numbers(x, (y, z, w), (0.0, 0.0, 1.0), "four")
         _set_qx(self, x)
         _set_qy(self, y)

@@ -22,6 +22,6 @@ def test_they_are_blamed_as_long_as_the_position_can_have_rested_on_them(
 ) -> None:
     silence = ExternalSilence()
     silence.on_pose(3.0)
-    silence.note_good(good_until_s)
+    silence.good_s = good_until_s
     assert silence.text(3.1) == ""
     assert (silence.text(now_s) != "") is is_told

@@ -126,7 +126,7 @@ class LightBackend(Backend):
             geoid_separation_m=settings.geoid_separation_m,
         )
         self._random = random.Random()  # noqa: S311  for noise, not for secrets
-        self._noise_sigmas = (settings.position_noise_m, settings.velocity_noise_m_s)
+        self.set_noise(settings.position_noise_m, settings.velocity_noise_m_s)
         self._faults = Faults(self.world)
         self._open = futures.OpenFutures()
         self._late_acks: list[tuple[float, Future[None]]] = []
@@ -306,6 +306,7 @@ class LightBackend(Backend):
     def set_noise(self, position_m: float, velocity_m_s: float) -> None:
         """Sets the standard deviations of the estimates."""
         self._noise_sigmas = (position_m, velocity_m_s)
+        self._is_noisy = any(self._noise_sigmas)
 
     def _command(self, command: Command | None, action: Callable[[Vehicles], str | None]) -> Future[None]:
         """Does what a command asks, unless a fault prevents it. Returns the acknowledgement."""
@@ -467,7 +468,7 @@ class LightBackend(Backend):
         )
         (x, y, z), (vx, vy, vz) = place, speed
         position, velocity = Vector3(x, y, z), Vector3(vx, vy, vz)
-        if any(self._noise_sigmas):
+        if self._is_noisy:
             position_noise, velocity_noise = self._noise()
             position, velocity = position + position_noise, velocity + velocity_noise
         if yaw != self._yaw:
