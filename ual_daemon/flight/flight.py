@@ -14,7 +14,7 @@ from functools import partial
 from typing import NamedTuple
 
 from ual.errors import TaskAbortedError, UalError
-from ual.geometry import Pose, Twist, Vector3
+from ual.geometry import Pose, Twist, Vector3, vector3
 from ual.types import State, TaskInfo
 from ual_daemon import logs
 from ual_daemon.backends.base import Backend
@@ -428,7 +428,7 @@ class Flight:
         )
         new.is_timed = True
         v, more = twist.linear, drift.velocity
-        velocity = Vector3(v.x + more.x, v.y + more.y, v.z + more.z)
+        velocity = vector3(v.x + more.x, v.y + more.y, v.z + more.z)
         setpoint = VelocitySetpoint(velocity, twist.angular.z + drift.yaw_rate_rad_s)  # as `Velocity.setpoint`
         given = new, setpoint
         with flown.lock:  # as `_swap`, and `_begins` with the answers of a stream that goes on

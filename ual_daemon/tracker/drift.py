@@ -18,7 +18,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable
 
-from ual.geometry import Twist, Vector3, wrap_angle
+from ual.geometry import Twist, Vector3, vector3, wrap_angle
 from ual.types import Limits
 from ual_daemon.backends.values import Snapshot, VelocityResponse, VelocityResponses
 from ual_daemon.tracker.limits import clamped, scaled_down
@@ -95,7 +95,7 @@ class DriftCorrection:
         upright = MotionEstimate(_upright(p), _upright(v), _upright(error))
         along = horizontal.step(_level(command), level, passed_s, responses.horizontal)
         up = vertical.step(_upright(command), upright, passed_s, responses.vertical)
-        wanted = Vector3(command.x + along.x, command.y + along.y, command.z + up.z)
+        wanted = vector3(command.x + along.x, command.y + along.y, command.z + up.z)
         self.velocity = scaled_down(Twist(wanted), limits).linear - command
         self._step_heading(commanded.angular.z, snapshot)
 
@@ -144,7 +144,7 @@ def _position(snapshot: Snapshot) -> Vector3:
     assert pose is not None
     assert velocity is not None
     p, v, passed_s = pose.value.position, velocity.value.linear, _passed_s(pose.time_s, snapshot.time_s)
-    return Vector3(p.x + v.x * passed_s, p.y + v.y * passed_s, p.z + v.z * passed_s)
+    return vector3(p.x + v.x * passed_s, p.y + v.y * passed_s, p.z + v.z * passed_s)
 
 
 def _passed_s(since_s: float, now_s: float) -> float:
@@ -152,8 +152,8 @@ def _passed_s(since_s: float, now_s: float) -> float:
 
 
 def _level(vector: Vector3) -> Vector3:
-    return Vector3(vector.x, vector.y, 0.0)
+    return vector3(vector.x, vector.y, 0.0)
 
 
 def _upright(vector: Vector3) -> Vector3:
-    return Vector3(0.0, 0.0, vector.z)
+    return vector3(0.0, 0.0, vector.z)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 from typing_extensions import override
 
 from ual.errors import UalError, WrongStateError
-from ual.geometry import Pose, Quaternion, Twist, Vector3, wrap_angle
+from ual.geometry import Pose, Quaternion, Twist, Vector3, vector3, wrap_angle
 from ual.types import Limits
 from ual_daemon.backends.values import (
     MotionState,
@@ -111,7 +111,7 @@ class Velocity(Reference):
         # Most velocities need not be turned: each function called here delays the setpoints of a stream.
         velocity = self.velocity(snapshot) if self._in_body else self.twist.linear
         more = self._drift.velocity
-        velocity = Vector3(velocity.x + more.x, velocity.y + more.y, velocity.z + more.z)
+        velocity = vector3(velocity.x + more.x, velocity.y + more.y, velocity.z + more.z)
         return VelocitySetpoint(velocity, self.twist.angular.z + self._drift.yaw_rate_rad_s)
 
     def velocity(self, snapshot: Snapshot) -> Vector3:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-from ual.geometry import Vector3
+from ual.geometry import Vector3, vector3
 from ual_daemon.backends.values import VelocityResponse
 
 MOST_LAG_M = 1.0
@@ -62,7 +62,7 @@ class ExpectedMotion:
             px, py, pz = px + vx * step_s + ax * half_s, py + vy * step_s + ay * half_s, pz + vz * step_s + az * half_s
             vx, vy, vz = vx + ax * step_s, vy + ay * step_s, vz + az * step_s
         self._followed, self._acceleration = (hx, hy, hz), (ax, ay, az)
-        self.position, self.velocity = Vector3(px, py, pz), Vector3(vx, vy, vz)
+        self.position, self.velocity = vector3(px, py, pz), vector3(vx, vy, vz)
 
     def follow(self, velocity: Vector3, direction: Vector3) -> None:
         """Takes the part of a velocity along a direction as its own."""
@@ -106,9 +106,9 @@ class VelocityEndPoint:
         p = expected.position
         x, y, z = p.x - here.x, p.y - here.y, p.z - here.z
         if self._free:
-            x, y, z = self._held(Vector3(x, y, z))
+            x, y, z = self._held(vector3(x, y, z))
         x, y, z = _cut(x, y, z, MOST_LAG_M)
-        expected.position = Vector3(here.x + x, here.y + y, here.z + z)
+        expected.position = vector3(here.x + x, here.y + y, here.z + z)
         x, y, z = x * _POSITION_GAIN, y * _POSITION_GAIN, z * _POSITION_GAIN
         if not response.holds_place:
             ex, ey, ez = _cut(error.x, error.y, error.z, _MOST_VELOCITY_ERROR_M_S)
@@ -118,7 +118,7 @@ class VelocityEndPoint:
             bx, by, bz = before.x, before.y, before.z
             x, y, z = _cut(x - bx, y - by, z - bz, MOST_CHANGE_M_S2 * passed_s)
             x, y, z = bx + x, by + y, bz + z
-        new = self.correction = Vector3(x, y, z)
+        new = self.correction = vector3(x, y, z)
         return new
 
     def _may_not_follow(self, c: Vector3, v: Vector3, error: Vector3) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ual.geometry import Vector3
+from ual.geometry import Vector3, vector3
 
 _ERROR_SMOOTHING_S = 0.3
 _LONGEST_SAMPLE_GAP_S = 0.2
@@ -34,5 +34,5 @@ class VelocityError:
         x = (velocity.x + v.x) / 2 - (position.x - p.x) / passed_s
         y = (velocity.y + v.y) / 2 - (position.y - p.y) / passed_s
         z = (velocity.z + v.z) / 2 - (position.z - p.z) / passed_s
-        self.value = Vector3(old.x + (x - old.x) * share, old.y + (y - old.y) * share, old.z + (z - old.z) * share)
+        self.value = vector3(old.x + (x - old.x) * share, old.y + (y - old.y) * share, old.z + (z - old.z) * share)
         return self.value

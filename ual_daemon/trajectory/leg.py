@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ual.geometry import Vector3
+from ual.geometry import Vector3, vector3
 from ual_daemon.immutable import immutable
 from ual_daemon.trajectory.pulse import Pulse, change_m
 
@@ -83,11 +83,11 @@ class Leg:
         d, p, cruising_s = self.direction, self.begin, time_s - self.up_s
         if 0.0 <= cruising_s < self.cruise_s:  # most of the time
             s = self.up_m + self.peak_m_s * cruising_s
-            return Vector3(p.x + d.x * s, p.y + d.y * s, p.z + d.z * s), self.cruise, _ZERO
+            return vector3(p.x + d.x * s, p.y + d.y * s, p.z + d.z * s), self.cruise, _ZERO
         s, v, a = self._along(min(time_s, straight_s))
-        position = Vector3(p.x + d.x * s, p.y + d.y * s, p.z + d.z * s)
+        position = vector3(p.x + d.x * s, p.y + d.y * s, p.z + d.z * s)
         if time_s <= straight_s:
-            return position, Vector3(d.x * v, d.y * v, d.z * v), Vector3(d.x * a, d.y * a, d.z * a)
+            return position, vector3(d.x * v, d.y * v, d.z * v), vector3(d.x * a, d.y * a, d.z * a)
         t = time_s - straight_s
         path, speed, acceleration = self.corner.at(t)
         v = self.after_m_s

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import bisect
 
-from ual.geometry import Vector3
+from ual.geometry import Vector3, vector3
 
 
 class Pieces:
@@ -50,11 +50,11 @@ def _moved(row: tuple[Vector3, Vector3, Vector3, Vector3], t: float) -> tuple[Ve
     p, v, a, j = row
     t2, t3 = t * t / 2, t * t * t / 6
     return (
-        Vector3(
+        vector3(
             p.x + v.x * t + a.x * t2 + j.x * t3,
             p.y + v.y * t + a.y * t2 + j.y * t3,
             p.z + v.z * t + a.z * t2 + j.z * t3,
         ),
-        Vector3(v.x + a.x * t + j.x * t2, v.y + a.y * t + j.y * t2, v.z + a.z * t + j.z * t2),
-        Vector3(a.x + j.x * t, a.y + j.y * t, a.z + j.z * t),
+        vector3(v.x + a.x * t + j.x * t2, v.y + a.y * t + j.y * t2, v.z + a.z * t + j.z * t2),
+        vector3(a.x + j.x * t, a.y + j.y * t, a.z + j.z * t),
     )

@@ -66,16 +66,16 @@ class Vector3(_Components):
         _set_z(self, z)
 
     def __add__(self, other: Vector3) -> Vector3:
-        return Vector3(self.x + other.x, self.y + other.y, self.z + other.z)
+        return vector3(self.x + other.x, self.y + other.y, self.z + other.z)
 
     def __sub__(self, other: Vector3) -> Vector3:
-        return Vector3(self.x - other.x, self.y - other.y, self.z - other.z)
+        return vector3(self.x - other.x, self.y - other.y, self.z - other.z)
 
     def __neg__(self) -> Vector3:
-        return Vector3(-self.x, -self.y, -self.z)
+        return vector3(-self.x, -self.y, -self.z)
 
     def __mul__(self, factor: float) -> Vector3:
-        return Vector3(self.x * factor, self.y * factor, self.z * factor)
+        return Vector3(self.x * factor, self.y * factor, self.z * factor)  # an array is no factor
 
     __rmul__ = __mul__
 
@@ -93,7 +93,7 @@ class Vector3(_Components):
 
     def cross(self, other: Vector3) -> Vector3:
         """Returns the vector product."""
-        return Vector3(
+        return vector3(
             self.y * other.z - self.z * other.y,
             self.z * other.x - self.x * other.z,
             self.x * other.y - self.y * other.x,
@@ -111,6 +111,27 @@ class Vector3(_Components):
 # The usual classes of a component come first: others are asked whether they are several, which takes three calls.
 _set_x, _set_y, _set_z = (vars(Vector3)[name].__set__ for name in ("x", "y", "z"))
 """Each update makes hundreds of vectors, and ``object.__setattr__`` takes half as long again."""
+
+
+class _ThreeNumbers(_Components):
+    """A `Vector3` before it is one: its numbers can be set."""
+
+    __slots__ = ("x", "y", "z")
+
+    def __init__(self, x: float, y: float, z: float) -> None:
+        self.x, self.y, self.z = x, y, z
+
+    @override
+    def __iter__(self) -> Iterator[float]:
+        return iter((self.x, self.y, self.z))
+
+
+def vector3(x: float, y: float, z: float) -> Vector3:
+    """Returns ``Vector3(x, y, z)`` of three numbers, in two thirds of the instructions: for what makes many."""
+    made: Any = _ThreeNumbers(x, y, z)
+    made.__class__ = Vector3  # both have the same slots
+    vector: Vector3 = made
+    return vector
 
 
 @dataclass(frozen=True, slots=True, init=False)
@@ -185,7 +206,7 @@ class Quaternion(_Components):
         # Written out in components, because frame transforms spend most of their time here.
         x, y, z, w = self.x, self.y, self.z, self.w
         tx, ty, tz = 2.0 * (y * v.z - z * v.y), 2.0 * (z * v.x - x * v.z), 2.0 * (x * v.y - y * v.x)
-        return Vector3(
+        return vector3(
             v.x + tx * w + (y * tz - z * ty), v.y + ty * w + (z * tx - x * tz), v.z + tz * w + (x * ty - y * tx)
         )
 

@@ -27,7 +27,7 @@ from typing import Annotated, NamedTuple, overload
 
 from msgspec import Meta
 
-from ual.geometry import Pose, Vector3
+from ual.geometry import Pose, Vector3, vector3
 from ual_daemon import logs
 from ual_daemon.backends.values import PositionSetpoint, Setpoint, VelocitySetpoint
 
@@ -127,10 +127,10 @@ class FeedForward:
         error = x, y, z = _error(old, pose.position, velocity, passed_s, share)
         self._smooth = _Smooth(time_s, (vx, vy, vz), (px, py), error, (pose.position, velocity))
         kept = min(1.0, MOST_VELOCITY_ERROR_M_S / max(math.hypot(x, y, z), 1e-9))
-        self.velocity_error = Vector3(x * kept, y * kept, z * kept)
+        self.velocity_error = vector3(x * kept, y * kept, z * kept)
         if math.hypot(vx, vy) > _LEAST_SPEED_M_S:
-            smooth = Vector3(vx, vy, vz)
-            self._sums.add(smooth, Vector3(px, py, 0.0) - (velocity - smooth) / _PULL_SMOOTHING_S, passed_s)
+            smooth = vector3(vx, vy, vz)
+            self._sums.add(smooth, vector3(px, py, 0.0) - (velocity - smooth) / _PULL_SMOOTHING_S, passed_s)
             self.drag_1_s = max(0.0, min(MOST_DRAG_1_S, self._sums.slope()))
             self._tell()
 
@@ -150,11 +150,11 @@ class FeedForward:
         if isinstance(setpoint, VelocitySetpoint):
             v = setpoint.velocity
             x, y, ax, ay = self.answered(v.x, v.y, now_s)
-            return VelocitySetpoint(Vector3(x, y, v.z), setpoint.yaw_rate_rad_s, Vector3(ax, ay, 0.0))
+            return VelocitySetpoint(vector3(x, y, v.z), setpoint.yaw_rate_rad_s, vector3(ax, ay, 0.0))
         v, a, error, drag_1_s = setpoint.velocity, setpoint.acceleration, self.velocity_error, self.drag_1_s
         self._velocity = (now_s, v.x, v.y)
-        acceleration = self._leading(Vector3(a.x + v.x * drag_1_s, a.y + v.y * drag_1_s, a.z), now_s)
-        velocity = Vector3(v.x + error.x, v.y + error.y, v.z + error.z)
+        acceleration = self._leading(vector3(a.x + v.x * drag_1_s, a.y + v.y * drag_1_s, a.z), now_s)
+        velocity = vector3(v.x + error.x, v.y + error.y, v.z + error.z)
         return PositionSetpoint(setpoint.position, setpoint.yaw_rad, velocity, acceleration, setpoint.yaw_rate_rad_s)
 
     def answered(self, vx: float, vy: float, now_s: float) -> tuple[float, float, float, float]:
@@ -186,12 +186,12 @@ class FeedForward:
             self._last = (now_s, a)
             return a
         s, share = last[1], 1.0 - math.exp(-max(0.0, passed_s) / _LEAD_SMOOTHING_S)
-        smooth = Vector3(s.x + (a.x - s.x) * share, s.y + (a.y - s.y) * share, s.z + (a.z - s.z) * share)
+        smooth = vector3(s.x + (a.x - s.x) * share, s.y + (a.y - s.y) * share, s.z + (a.z - s.z) * share)
         self._last = (now_s, smooth)
         factor = TILT_S / _LEAD_SMOOTHING_S
         x, y, z = (a.x - smooth.x) * factor, (a.y - smooth.y) * factor, (a.z - smooth.z) * factor
         kept = min(1.0, MOST_LEAD_M_S2 / max(math.hypot(x, y, z), 1e-9))
-        return Vector3(a.x + x * kept, a.y + y * kept, a.z + z * kept)
+        return vector3(a.x + x * kept, a.y + y * kept, a.z + z * kept)
 
 
 def _jumps(old: _Smooth, pose: Pose, velocity: Vector3, passed_s: float) -> bool:
@@ -227,7 +227,7 @@ class _Sums:
 
     def add(self, velocity: Vector3, acceleration: Vector3, weight_s: float) -> None:
         """Adds a point, weighted by the time that it stands for."""
-        v, a = Vector3(velocity.x, velocity.y, 0.0), Vector3(acceleration.x, acceleration.y, 0.0)
+        v, a = vector3(velocity.x, velocity.y, 0.0), vector3(acceleration.x, acceleration.y, 0.0)
         keep = math.exp(-weight_s / _DRAG_MEMORY_S)
         self._weight = self._weight * keep + weight_s
         self._v, self._a = self._v * keep + v * weight_s, self._a * keep + a * weight_s

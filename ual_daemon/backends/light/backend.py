@@ -12,7 +12,7 @@ from typing import NamedTuple, TypeVar
 from typing_extensions import override
 
 from ual.errors import RejectedByAutopilotError
-from ual.geometry import IDENTITY, Pose, Quaternion, Twist, Vector3, wrap_angle
+from ual.geometry import IDENTITY, Pose, Quaternion, Twist, Vector3, vector3, wrap_angle
 from ual.interface import Simulation
 from ual.simulation import Command
 from ual.types import Battery, Capability, GpsFix, GpsInfo, Health, Limits
@@ -467,14 +467,14 @@ class LightBackend(Backend):
             report or self.world.fleet.report(self._index)
         )
         (x, y, z), (vx, vy, vz) = place, speed
-        position, velocity = Vector3(x, y, z), Vector3(vx, vy, vz)
+        position, velocity = vector3(x, y, z), vector3(vx, vy, vz)
         if self._is_noisy:
             position_noise, velocity_noise = self._noise()
             position, velocity = position + position_noise, velocity + velocity_noise
         if yaw != self._yaw:
             self._yaw, self._orientation = yaw, Quaternion.from_yaw(yaw)
         pose = Pose(position, self._orientation)
-        twist = Twist(velocity, Vector3(0.0, 0.0, yaw_rate) if yaw_rate else _ZERO)
+        twist = Twist(velocity, vector3(0.0, 0.0, yaw_rate) if yaw_rate else _ZERO)
         self._report_status(now_s, mode, is_armed, is_landed, has_position, percent)
         estimator = self._status.estimator
         self._snapshot = Snapshot(

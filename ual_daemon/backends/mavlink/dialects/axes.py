@@ -8,14 +8,14 @@ from __future__ import annotations
 
 import math
 
-from ual.geometry import Quaternion, Vector3, wrap_angle
+from ual.geometry import Quaternion, Vector3, vector3, wrap_angle
 
 _SQRT_HALF = math.sqrt(0.5)
 
 
 def ned_to_enu(north: float, east: float, down: float) -> Vector3:
     """Converts north, east, down to east, north, up."""
-    return Vector3(east, north, -down)
+    return vector3(east, north, -down)
 
 
 def enu_to_ned(vector: Vector3) -> tuple[float, float, float]:
@@ -25,7 +25,7 @@ def enu_to_ned(vector: Vector3) -> tuple[float, float, float]:
 
 def frd_to_flu(forward: float, right: float, down: float) -> Vector3:
     """Converts forward, right, down to forward, left, up. It is its own inverse."""
-    return Vector3(forward, -right, -down)
+    return vector3(forward, -right, -down)
 
 
 def orientation_to_enu(w: float, x: float, y: float, z: float) -> Quaternion:
