@@ -149,6 +149,8 @@ class TrajectoryReference(Reference):
         self._stopped_since_s: float | None = None
         self._updated_s = now_s
         self._time = TimeScaling(trajectory)
+        self._sent = self._time.motion, setpoint_of(self._time.motion)
+        """The newest motion that was sent, and its setpoint: a hold is the same one repeatedly."""
         self._posed: tuple[Motion | None, Pose | None] = (None, None)
         """The newest motion whose pose was requested, and that pose. While it holds, the motion stays the same."""
         self.is_stopping = False
@@ -184,7 +186,10 @@ class TrajectoryReference(Reference):
         passed_s = min(max(0.0, snapshot.time_s - self._updated_s), _LONGEST_UPDATE_STEP_S)
         self._updated_s = snapshot.time_s
         self._advance(passed_s, snapshot)
-        return setpoint_of(self._time.motion)
+        motion = self._time.motion
+        if motion is not self._sent[0]:
+            self._sent = motion, setpoint_of(motion)
+        return self._sent[1]
 
     def _advance(self, passed_s: float, snapshot: Snapshot) -> None:
         """Advances the time on the trajectory, but not beyond a stop before the UAV has stopped there."""

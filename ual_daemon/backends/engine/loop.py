@@ -154,6 +154,11 @@ class Loop:
         gap, is_own_clock = self._gap, self._watched_s is None
         watched_s = now_s if self._watched_s is None else self._watched_s()
         blind_s = watched_s - gap.woke_s
+        if 0.0 <= blind_s <= BLIND_SILENCE_S and not (is_own_clock and blind_s > self._watch.lost_s):
+            gap.woke_s = watched_s  # the usual case: as below, where it has not paused
+            if now_s >= self._late_s:
+                self.looked_s = now_s
+            return 0.0
         pause_s = gap.woke(watched_s, self._watch.lost_s if is_own_clock else math.inf)
         if blind_s > BLIND_SILENCE_S:
             self._late_s = now_s + CATCH_UP_S

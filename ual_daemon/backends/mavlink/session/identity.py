@@ -55,9 +55,11 @@ class VehicleIdentity:
         """Our clock minus the time since boot: now, and before the last change of the boot clock."""
         self._kinds, self._clocks, self._addresses_used = _Conflict(span_s=1.0), _Conflict(0.0), _Conflict(0.0)
         self._conflicts = (self._kinds, self._clocks, self._addresses_used)
-        self._addresses: tuple[Address | None, Address | None] = (None, None)
+        self.address: Address | None = None
+        """Where the last frame came from. An attribute, as each frame is compared with it; see `on_frame`."""
+        self._address_before: Address | None = None
         """The address of the newest message, and the one before the last change."""
-        self._sequence = 0
+        self.sequence = 0
 
     @property
     def kind(self) -> HeartbeatKind:
@@ -104,12 +106,12 @@ class VehicleIdentity:
 
     def on_frame(self, sequence: int, address: Address | None, now_s: float) -> None:
         """Takes where a frame came from, and its number."""
-        last, self._sequence = self._sequence, sequence
-        current, before = self._addresses
+        last, self.sequence = self.sequence, sequence
+        current, before = self.address, self._address_before
         if address == current:
             return
         step = (sequence - last) % 256
-        self._addresses = (address, current)
+        self.address, self._address_before = address, current
         if address == before and not min(step, 256 - step) <= MOST_COUNTER_STEPS:
             where = " and ".join(f"{each[0]}:{each[1]}" for each in (current, address) if each is not None)
             why = f"two vehicles (at {where}) send as system {self._system_id}"

@@ -106,11 +106,12 @@ class ReceiveLoop:
         if connection.connections_count != self._connections_count:
             self._connections_count = connection.connections_count
             self._discovery.reconnected()
+        receive, on_received = self._discovery.receiver.receive, self.on_received
         for data, address in chunks:  # each with a time of its own: a replay keeps their order by it
             now_s, utc_s = clock.now_s(), clock.utc_s()
-            if self.on_received is not None:
-                self.on_received(data, address, now_s, utc_s)
-            self._discovery.receiver.receive(data, address, now_s, utc_s)
+            if on_received is not None:
+                on_received(data, address, now_s, utc_s)
+            receive(data, address, now_s, utc_s)
         session = self._discovery.session
         if session is not self._session and session is not None:
             self._session = session

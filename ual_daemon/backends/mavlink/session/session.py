@@ -234,7 +234,10 @@ class MavlinkSession:
         self._signs = frame.is_signed
         boot_ms = getattr(message, "time_boot_ms", 0) if frame.message_id in _LIVE_IDS else 0  # 0: it is not known
         identity, is_foreign = self.identity, False
-        identity.on_frame(frame.sequence, address, now_s)
+        if address == identity.address:  # nearly always: as `on_frame`, without a call
+            identity.sequence = frame.sequence
+        else:
+            identity.on_frame(frame.sequence, address, now_s)
         if boot_ms > 0:
             identity.on_boot_time(boot_ms / 1000.0, now_s)
         if frame.message_id == _HEARTBEAT and message is not None:
@@ -253,7 +256,10 @@ class MavlinkSession:
         identity, telemetry = self.identity, self.telemetry
         self._supervision.on_frame(sequence, now_s)
         self._signs = False
-        identity.on_frame(sequence, address, now_s)
+        if address == identity.address:  # as in `on_message`
+            identity.sequence = sequence
+        else:
+            identity.on_frame(sequence, address, now_s)
         if identity.conflict != telemetry.conflict:
             self._follow_conflict(now_s)
         telemetry.on_frame(sequence, now_s)
