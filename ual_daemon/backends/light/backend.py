@@ -496,8 +496,9 @@ class LightBackend(Backend):
         """Reports all but the motion as autopilots do: at once where it has changed, else every `_STATUS_PERIOD_S`."""
         if mode != FlightMode.HOLD:
             self._holds_by = None
-        failsafe, holds_by, text = self._faults.failsafe, self._holds_by, self._status_text
-        values = mode, is_armed, is_landed, has_position, failsafe, holds_by, text, percent < _LOWEST_BATTERY_PERCENT
+        failsafe, holds_by, text, lag_s = self._faults.failsafe, self._holds_by, self._status_text, self.world.lag_s
+        is_low, late_s = percent < _LOWEST_BATTERY_PERCENT, lag_s if lag_s > LAG_S else 0.0
+        values = mode, is_armed, is_landed, has_position, failsafe, holds_by, text, is_low, late_s
         last = self._status
         if values == last.values and 0.0 <= now_s - last.time_s < _STATUS_PERIOD_S:
             return
@@ -523,7 +524,7 @@ class LightBackend(Backend):
                 battery=battery,
                 gps=_gps(self._corrections.age_s, has_position=has_position),
                 status_text=text,
-                health=_health(percent, self.world.lag_s, has_position=has_position),
+                health=_health(percent, lag_s, has_position=has_position),
             ),
         )
 
