@@ -56,6 +56,7 @@ class _NoActivity:
         self.limitation = limitation
         self.following = _Unwatched()
         self.holder = None
+        self.is_on_mission = False
 
     def reference_pose(self) -> Pose | None:
         return None

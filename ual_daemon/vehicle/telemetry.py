@@ -41,6 +41,10 @@ class Doing(Protocol):
     def holder(self) -> Cause | None:
         """Holder of the control, where the autopilot's data do not tell."""
 
+    @property
+    def is_on_mission(self) -> bool:
+        """Whether the autopilot flies a mission as a task of UAL, or has just ended it."""
+
     def reference_pose(self) -> Pose | None:
         """Returns the pose that is commanded now, in the local frame; None if no pose is."""
 
@@ -110,7 +114,7 @@ def make_telemetry(
             "odometry": partial(_odometry, placed, twist, tree.odom, tree.body, stamp_s),
             "transform": partial(_in_map, in_map, body, tree.body, stamp_s),
             "position_geo": snapshot.position_geo,
-            "health": partial(_health, snapshot, doing.following.why, doing.holder, daemon_checks),
+            "health": partial(_health, snapshot, doing.following.why, _holder(snapshot, doing), daemon_checks),
         }
         return Telemetry.late(lambda name: late[name](), **known)
     return Telemetry(
@@ -118,16 +122,22 @@ def make_telemetry(
         odometry=_odometry(placed, twist, tree.odom, tree.body, stamp_s),
         transform=_in_map(in_map, body, tree.body, stamp_s),
         position_geo=snapshot.position_geo(),
-        health=_health(snapshot, doing.following.why, doing.holder, daemon_checks),
+        health=_health(snapshot, doing.following.why, _holder(snapshot, doing), daemon_checks),
     )
 
 
-def _health(snapshot: Snapshot, trouble: str, holder: Cause | None, daemon_checks: tuple[str, ...]) -> Health | None:
+def _holder(snapshot: Snapshot, doing: Doing) -> Cause | None:
+    """Returns the holder of the control. PX4's hold after a mission of UAL looks like a ground station's choice."""
+    held_by = snapshot.control.held_by
+    return None if held_by is Cause.GROUND_STATION and doing.is_on_mission else held_by or doing.holder
+
+
+def _health(snapshot: Snapshot, trouble: str, held_by: Cause | None, daemon_checks: tuple[str, ...]) -> Health | None:
     """Returns the autopilot's health, with the failsafe, the holder of the control, what arming would start, that the
     UAV does not follow, and what fails in the daemon.
     """
     control, health = snapshot.control, snapshot.condition.health
-    failsafe, held_by = control.failsafe, control.held_by or holder
+    failsafe = control.failsafe
     is_armed = control.armed is not None and control.armed.value
     starts = "" if is_armed else control.arming_starts  # no call for each sample of a flight
     severe = snapshot.condition.severe_texts
