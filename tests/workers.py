@@ -122,7 +122,7 @@ class _Worker:
 
     def __init__(self, session: pytest.Session, failed: Sequence[pytest.CollectReport]) -> None:
         self._session, self._config, self._failed = session, session.config, failed
-        self._path = sys.path
+        self._path, self._has_groups = sys.path, session.config.option.loadgroup
         self._prepare = mock.patch.object(of_pytest, "_prepareconfig", return_value=session.config)
 
     def run(self) -> NoReturn:
@@ -153,7 +153,7 @@ class _Worker:
 
     def _become_one(self) -> None:
         self._prepare.stop()
-        sys.path = self._path
+        sys.path, self._config.option.loadgroup = self._path, self._has_groups
         self._config._tmp_path_factory = TempPathFactory.from_config(self._config, _ispytest=True)  # type: ignore[attr-defined]
         _capture(self._config).start_global_capturing()
         _capture(self._config).suspend_global_capture()

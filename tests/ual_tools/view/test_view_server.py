@@ -27,7 +27,7 @@ from ual_tools.view.server import serving
 
 
 class Waiters(deque[asyncio.Future[bool]]):
-    """What waits for an event; notes the threads that wake it."""
+    """Waiters of an event, with the names of the threads that wake them."""
 
     def __init__(self) -> None:
         super().__init__()
