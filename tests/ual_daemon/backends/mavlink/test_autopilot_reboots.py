@@ -424,6 +424,7 @@ def test_a_held_position_does_not_jump_when_the_origin_moves(start: Start) -> No
     assert tuple(flight.position()) == near(0, 0, 3, 0.5)  # the frames have followed
     flight.uav.go_to_waypoint(Pose.at(4.0, 0.0, 3.0))
     assert tuple(flight.current_position() - before) == near(4, 0, 0, 0.5)
+    flight.land()
 
 
 def test_a_held_position_does_not_jump_when_the_estimate_is_reset(start: Start) -> None:
@@ -550,6 +551,7 @@ def test_a_take_off_goes_on_without_turning_when_the_heading_jumps(start: Start)
     task.wait(LIMIT_S)
     assert _farthest_turned_rad(flight, heading_rad, 3.0) < 0.1
     assert tuple(flight.current_position()) == near(0, 0, 4, 0.6)
+    flight.land()
 
 
 def _farthest_turned_rad(flight: Placed, from_rad: float, duration_s: float) -> float:
