@@ -6,9 +6,9 @@ import math
 from dataclasses import replace
 from functools import lru_cache
 
+from ual.shared.immutable import immutable
 from ual.types import State
 from ual_daemon.backends.values import NEVER_S, Cause, Control, Freshness, LandedState, Sample, Snapshot
-from ual_daemon.immutable import immutable
 
 _SCHEDULING_GAP_S = 0.5
 """A backend publishes every 0.1 s at least; one that has not for this long is starved."""

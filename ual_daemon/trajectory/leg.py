@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ual.geometry import Vector3, vector3
-from ual_daemon.immutable import immutable
+from ual.shared.immutable import immutable
 from ual_daemon.trajectory.pulse import Pulse, change_m
 
 _ZERO = Vector3()

@@ -7,8 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 
 from ual.geometry import Vector3
+from ual.shared.immutable import immutable
 from ual.types import Limits
-from ual_daemon.immutable import immutable
 
 _ZERO = Vector3()
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from ual_daemon.immutable import immutable
+from ual.shared.immutable import immutable
 from ual_daemon.trajectory.envelope import RAMP_S
 
 

@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any, SupportsFloat, overload
 
 from typing_extensions import override
 
-from ual._quick import quick
 from ual._wrong_type import require, wrong_type
 from ual.errors import InvalidArgumentError
+from ual.shared.quick import quick
 
 if TYPE_CHECKING:
     from numpy.typing import DTypeLike, NDArray

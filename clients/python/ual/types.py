@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from ual._quick import quicken
 from ual.contract.odometry import Odometry
 from ual.contract.uav import (
     AltitudeReference,
@@ -32,6 +31,7 @@ from ual.contract.uav import (
     Telemetry,
 )
 from ual.geometry import PointStamped, Pose, PoseStamped, TwistStamped
+from ual.shared.quick import quicken
 
 __all__ = [
     "AltitudeReference",

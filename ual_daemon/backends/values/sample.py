@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Generic, TypeVar
 
-from ual_daemon.immutable import immutable
+from ual.shared.immutable import immutable
 
 T_co = TypeVar("T_co", covariant=True)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ual.geometry import Pose, Vector3
-from ual_daemon.immutable import immutable
+from ual.shared.immutable import immutable
 
 _ZERO = Vector3()
 

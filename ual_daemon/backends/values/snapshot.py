@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 from typing_extensions import Self
 
 from ual.geometry import Pose, Twist, Vector3
+from ual.shared.immutable import immutable
 from ual.types import Battery, GeoPoint, GpsFix, GpsInfo, Health
 from ual_daemon.backends.values.autopilot_fence import AutopilotFence
 from ual_daemon.backends.values.modes import Cause, LandedState, Mode
 from ual_daemon.backends.values.sample import Sample
 from ual_daemon.geodesy import Projection, is_zero
-from ual_daemon.immutable import immutable
 
 _ON_GROUND = LandedState.ON_GROUND
 """As a name of the module: Python looks up a member of an enumeration by a call, and each update would pay."""

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 
 from tests.strategies import vectors
-from ual._quick import quick
 from ual.geometry import Pose, Transform, Twist, Vector3, vector3
+from ual.shared.quick import quick
 from ual.types import Battery, GeoPoint, Odometry, TaskInfo, Telemetry
 
 
