@@ -39,6 +39,7 @@ from ual_daemon.flight.manoeuvres.stand_by import Here, StandBy, TakeToStandBy
 from ual_daemon.flight.mission_stop import MissionStop
 from ual_daemon.flight.policy.arming import Arming
 from ual_daemon.flight.policy.authority import Authority
+from ual_daemon.flight.policy.by_hand import ByHand
 from ual_daemon.flight.policy.clearance import Clearance
 from ual_daemon.flight.policy.following import Following
 from ual_daemon.flight.policy.geofence import GeofencePolicy
@@ -131,6 +132,7 @@ class Flight:
         self.is_watch_only = watch_only
         self.authority = Authority()
         self.arming = Arming()
+        self._by_hand = ByHand()
         self.lease = FlightLease()
         self.drift = DriftCorrection()
         """Correction that is added to a commanded velocity."""
@@ -201,12 +203,15 @@ class Flight:
         return "; ".join(filter(None, (info.limitation, info.note)))
 
     def why_it_may_lie(self, snapshot: Snapshot, state: State) -> str:
-        """Returns why a UAV that nobody has seen fly may lie on the ground; empty where it flies, or is UAL's."""
+        """Returns why a UAV that nobody has seen fly, or that a pilot has flown, may lie on the ground; empty where it
+        flies, or is UAL's.
+        """
         if state not in (State.FLYING_AUTO, State.FLYING_MANUAL):
             return ""
         if state is State.FLYING_AUTO and self.is_in_control():
             return ""
-        return why_it_stands(snapshot, is_ground_known=self.geofence.ground.z_m is not None)
+        stands = why_it_stands(snapshot, is_ground_known=self.geofence.ground.z_m is not None)
+        return stands or self._by_hand.why_it_may_lie
 
     @property
     def is_busy(self) -> bool:
@@ -680,6 +685,7 @@ class Flight:
         if manoeuvre is not None:
             manoeuvre.waits_for = self.position.waits
         self.authority.follow(raw.state, snapshot)
+        self._by_hand.observe(raw.state, snapshot, self.geofence.ground.z_m, is_ours=self.authority.is_ours)
         self.arming.follow(snapshot, is_idle=manoeuvre is None)
         is_taking_off = manoeuvre is not None and manoeuvre.declares is State.TAKING_OFF
         is_led = (

@@ -87,17 +87,29 @@ def why_it_stands(snapshot: Snapshot, *, is_ground_known: bool = False) -> str:
 
     `is_ground_known`: it has been seen to leave the ground, so that it may hover at the height of its home.
     """
-    velocity, pose = snapshot.motion.velocity, snapshot.motion.pose
-    if velocity is None or pose is None or velocity.value.linear.norm() > _STILL_M_S:
+    if not is_still(snapshot):
         return ""
-    x, y, *_ = pose.value.orientation
+    assert snapshot.motion.pose is not None
+    x, y, *_ = snapshot.motion.pose.value.orientation
     if 1.0 - 2.0 * (x * x + y * y) < _LARGEST_TILT_COSINE:
         return "it stands still, tilted as nothing flies, and lies on the ground"
-    projection, home_m = snapshot.earth.projection, snapshot.earth.home_altitude_amsl_m
-    if is_ground_known or projection is None or home_m is None:
+    if is_ground_known or not is_at_ground_height(snapshot, None):
         return ""
-    above_m = pose.value.position.z + projection.altitude_amsl_m - home_m
-    return "it stands still at the height of its home, and may lie there" if abs(above_m) < _AT_HOME_M else ""
+    return "it stands still at the height of its home, and may lie there"
+
+
+def is_still(snapshot: Snapshot) -> bool:
+    """Returns whether it stands still, by data that are there."""
+    velocity, pose = snapshot.motion.velocity, snapshot.motion.pose
+    return velocity is not None and pose is not None and velocity.value.linear.norm() <= _STILL_M_S
+
+
+def is_at_ground_height(snapshot: Snapshot, ground_z_m: float | None) -> bool:
+    """Returns whether it is as high as the ground, or as its home where that is None: it may be on it."""
+    pose, projection, home_m = snapshot.motion.pose, snapshot.earth.projection, snapshot.earth.home_altitude_amsl_m
+    if ground_z_m is None and projection is not None and home_m is not None:
+        ground_z_m = home_m - projection.altitude_amsl_m
+    return pose is not None and ground_z_m is not None and abs(pose.value.position.z - ground_z_m) < _AT_HOME_M
 
 
 def noted(found: Estimate, note: str) -> Estimate:

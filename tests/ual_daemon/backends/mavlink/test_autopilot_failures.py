@@ -12,7 +12,9 @@ import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 from tests.conftest import LIMIT_S
-from tests.simulators import ArduPilot, Px4, px4
+from tests.simulators import ArduPilot, Px4, ardupilot, px4
+from tests.simulators.ardupilot import GUIDED, STABILIZE
+from tests.simulators.autopilot import Sticks
 from tests.simulators.mission_store import Sender
 from tests.simulators.px4 import LOITER
 from tests.ual_daemon.backends.mavlink.test_autopilot_arming import selected_after_our_arming
@@ -290,7 +292,7 @@ def test_a_daemon_that_is_new_takes_no_motion_after_the_motors_were_stopped_unti
 
 def assert_only_a_landing_is_accepted(flight: Flight) -> None:
     """PX4 lifted off 2.8 m/s sideways: in the air as it takes itself to be, it flies to any pose."""
-    uav, goal = flight.uav, flight.goal(3.0, 0.0)
+    uav, goal = flight.uav, flight.goal(3.0, 0.0, 2.0)
     motions: tuple[Callable[[], object], ...] = (
         uav.recover_from_manual,
         partial(uav.go_to_waypoint, goal),
@@ -310,8 +312,9 @@ def assert_only_a_landing_is_accepted(flight: Flight) -> None:
 
 @pytest.fixture
 def never_lands(monkeypatch: pytest.MonkeyPatch) -> None:
-    """PX4 takes what has fallen to be in the air for as long as anything of it turns."""
+    """Both take what has fallen to be in the air for as long as anything of it turns."""
     monkeypatch.setattr(px4, "_LANDED_S", math.inf)
+    monkeypatch.setattr(ardupilot, "_LANDED_S", math.inf)
 
 
 @pytest.mark.usefixtures("never_lands")
@@ -365,6 +368,52 @@ def test_a_daemon_that_is_new_takes_none_also_where_the_autopilot_takes_its_refe
             lambda told: told.state is State.FLYING_AUTO and "may lie there" in told.state_reason, flight.started_s
         )
         assert_only_a_landing_is_accepted(flight)
+    finally:
+        flight.uav.close()
+
+
+def select(flight: Flight, mode: int) -> None:
+    assert isinstance(flight.autopilot, ArduPilot)
+    with flight.autopilot.lock:
+        flight.autopilot.set_mode(mode)
+
+
+def drop_by_hand(flight: Flight) -> None:
+    """The pilot takes over and drops it. With the throttle above its lowest ArduCopter calls itself in the air."""
+    select(flight, STABILIZE)
+    flight.wait_for_state(State.FLYING_MANUAL)
+    flight.autopilot.has_thrust = False
+    flight.wait_for(lambda: height_m(flight) == 0.0, "its impact")
+    flight.autopilot.has_thrust = True
+    flight.wait_for(lambda: "may lie there" in flight.uav.telemetry().state_reason, "that it may lie")
+
+
+@pytest.mark.usefixtures("never_lands")
+def test_what_a_pilot_has_dropped_takes_no_motion_when_control_is_given_back() -> None:
+    """A real ArduCopter was lifted off by the go-to of a client 0.1 s later, as UAL had seen its take-off."""
+    flight = Flight("ardupilot")
+    try:
+        climb(flight)
+        drop_by_hand(flight)
+        select(flight, GUIDED)
+        flight.wait_for_state(State.FLYING_AUTO)
+        assert_only_a_landing_is_accepted(flight)
+    finally:
+        flight.uav.close()
+
+
+@pytest.mark.usefixtures("never_lands")
+def test_what_a_pilot_has_flown_up_again_takes_motions() -> None:
+    flight = Flight("ardupilot")
+    try:
+        climb(flight)
+        drop_by_hand(flight)
+        flight.autopilot.pilot_moves(Sticks(up=0.5))
+        flight.wait_for(lambda: height_m(flight) > 1.5, "its climb")
+        flight.autopilot.pilot_moves(Sticks())
+        select(flight, GUIDED)
+        flight.wait_for_state(State.FLYING_AUTO)
+        flight.uav.go_to_waypoint(flight.goal(1.0, 0.0))
     finally:
         flight.uav.close()
 

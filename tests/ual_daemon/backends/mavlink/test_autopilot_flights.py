@@ -116,9 +116,9 @@ class Flight:
         is_placed = snapshot.earth.home_altitude_amsl_m is not None and snapshot.earth.projection is not None
         return is_placed or not isinstance(self.autopilot, ArduPilot)
 
-    def goal(self, dx: float, dy: float) -> Pose:
+    def goal(self, dx: float, dy: float, dz: float = 0.0) -> Pose:
         here = self.uav.pose().pose.position
-        return Pose.at(here.x + dx, here.y + dy, here.z)
+        return Pose.at(here.x + dx, here.y + dy, here.z + dz)
 
     def land(self) -> None:
         self.uav.land()
