@@ -27,7 +27,7 @@ WATCHED_S, STAYS_M = 5.0, 0.3
 
 
 @pytest.fixture(params=[*MODES])
-def hand_flown(request: pytest.FixtureRequest, flight: Flight, pilot: Transmitter) -> Iterator[Flight]:
+def under_pilot(request: pytest.FixtureRequest, flight: Flight, pilot: Transmitter) -> Iterator[Flight]:
     """In its hover; the pilot's switch selects a mode in which nothing bounds its descent."""
     if not isinstance(pilot, CopterPilot):
         pytest.skip("an ArduCopter's switch")
@@ -41,10 +41,10 @@ def hand_flown(request: pytest.FixtureRequest, flight: Flight, pilot: Transmitte
 
 @pytest.mark.parametrize("sticks", [SET_DOWN, DROPPED], ids=["set down", "dropped"])
 def test_what_lies_after_a_flight_by_hand_is_not_lifted_off_by_a_motion(
-    hand_flown: Flight, uav: UAL, pilot: Transmitter, truth: Truth, sticks: Sticks
+    under_pilot: Flight, uav: UAL, pilot: Transmitter, truth: Truth, sticks: Sticks
 ) -> None:
     """It lifted off by the first go-to or velocity after the switch, though UAL said that it may lie there."""
-    flight = hand_flown
+    flight = under_pilot
     pilot.take_over()
     flight.wait_for_state(State.FLYING_MANUAL)
     pilot.sticks = sticks

@@ -15,7 +15,7 @@ _MAY_LIE = (
 
 
 class ByHand:
-    """What a pilot has left. Only the update thread calls `observe`.
+    """A flight by hand, and whether it may have ended on the ground. Only the update thread calls `observe`.
 
     ArduCopter that was dropped, or set down without the throttle at its lowest, is in the air by its own word. A motion
     would lift it off. So none is accepted until it was seen higher, or on the ground.

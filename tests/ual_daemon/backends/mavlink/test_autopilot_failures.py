@@ -389,7 +389,7 @@ def drop_by_hand(flight: Flight) -> None:
 
 
 @pytest.mark.usefixtures("never_lands")
-def test_what_a_pilot_has_dropped_takes_no_motion_when_control_is_given_back() -> None:
+def test_a_uav_that_its_pilot_has_dropped_takes_no_motion_once_control_is_returned() -> None:
     """A real ArduCopter was lifted off by the go-to of a client 0.1 s later, as UAL had seen its take-off."""
     flight = Flight("ardupilot")
     try:
@@ -403,7 +403,7 @@ def test_what_a_pilot_has_dropped_takes_no_motion_when_control_is_given_back() -
 
 
 @pytest.mark.usefixtures("never_lands")
-def test_what_a_pilot_has_flown_up_again_takes_motions() -> None:
+def test_a_uav_that_its_pilot_has_lifted_again_takes_motions() -> None:
     flight = Flight("ardupilot")
     try:
         climb(flight)
