@@ -355,6 +355,15 @@ def test_one_cause_has_one_name() -> None:
     assert rules(reported(record, 18.0, "in the air, mode LOITER does not take our references")) == {"words"}
 
 
+def test_a_landing_of_uals_has_no_cause_before_its_mode_is_reported() -> None:
+    record = clean()
+    record.troubles.append(Trouble("freeze", 5.0, 6.0))
+    record.called[2] = dataclasses.replace(record.called[2], by="failsafe")
+    reported(record, 17.0, "in the air, mode LOITER does not take our references: failsafe")
+    record.called.append(Called("land", 17.9, 18.5))
+    assert "words" not in rules(reported(record, 18.0, "our landing is under way"))
+
+
 def test_a_task_that_was_ended_by_nothing_is_found() -> None:
     record = clean()
     record.called[2] = dataclasses.replace(record.called[2], by="")

@@ -109,6 +109,8 @@ def _one_name(case: Case) -> Iterator[Breach]:
     for taken_s in case.taken_s:
         index = bisect.bisect_right(changes_s, taken_s)
         until_s = changes_s[index] if index < len(changes_s) else math.inf
+        begun_s = (call.began_s for call in record.called if call.name in FLIES - SERVICES and begins(call))
+        until_s = min((until_s, *(time_s for time_s in begun_s if time_s > taken_s)))  # UAL's own is told at once
         if is_befallen(record, _HIDING, taken_s - _AFTER_S, taken_s + _SHOWN_S):
             continue
         frozen_s = [each.ended_s for each in record.troubles if each.kind == "freeze" and each.began_s < taken_s]
