@@ -117,18 +117,22 @@ class _ThreeNumbers(_Components):
     """A `Vector3` before it is one: its numbers can be set."""
 
     __slots__ = ("x", "y", "z")
-
-    def __init__(self, x: float, y: float, z: float) -> None:
-        self.x, self.y, self.z = x, y, z
+    x: float
+    y: float
+    z: float
 
     @override
     def __iter__(self) -> Iterator[float]:
         return iter((self.x, self.y, self.z))
 
 
+_new = object.__new__
+
+
 def vector3(x: float, y: float, z: float) -> Vector3:
-    """Returns ``Vector3(x, y, z)`` of three numbers, in two thirds of the instructions: for what makes many."""
-    made: Any = _ThreeNumbers(x, y, z)
+    """Returns ``Vector3(x, y, z)`` of three numbers, in half of the instructions: for what makes many."""
+    made: Any = _new(_ThreeNumbers)
+    made.x, made.y, made.z = x, y, z
     made.__class__ = Vector3  # both have the same slots
     vector: Vector3 = made
     return vector
