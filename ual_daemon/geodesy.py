@@ -16,9 +16,9 @@ _WGS84 = Geodesic.WGS84
 _F = _WGS84.f
 _POLAR_M = _WGS84.a * (1.0 - _F)
 _SECOND_ECCENTRICITY_SQUARED = (2.0 - _F) * _F / (1.0 - _F) ** 2
-_NEAR_M = 100_000.0
+_SERIES_RANGE_M = 100_000.0
 """Up to this distance Vincenty's series are within 1 micrometre of the geodesic."""
-_SAME_RAD = 1e-12
+_LEAST_CHANGE_RAD = 1e-12
 """A round after which the angle has changed by less leaves an error of a thousandth of that."""
 _ROUNDS_COUNT = 6
 
@@ -70,7 +70,7 @@ class EllipsoidProjection(Projection):
     @override
     def to_geo(self, position: Vector3) -> GeoPoint:
         distance_m = position.horizontal_norm()
-        if 0.0 < distance_m < _NEAR_M:
+        if 0.0 < distance_m < _SERIES_RANGE_M:
             latitude_deg, longitude_deg = self._near(position.x / distance_m, position.y / distance_m, distance_m)
             return GeoPoint(latitude_deg, longitude_deg, self.altitude_amsl_m + position.z)
         azimuth = math.degrees(math.atan2(position.x, position.y))
@@ -86,8 +86,8 @@ class EllipsoidProjection(Projection):
     def _near(self, sin_azimuth: float, cos_azimuth: float, distance_m: float) -> tuple[float, float]:
         """Returns latitude and longitude in degrees at a distance from the origin.
 
-        By T. Vincenty, "Direct and inverse solutions of geodesics on the ellipsoid", Survey Review 23 (176), 1975: a
-        twentieth of GeographicLib's time, as each sample of a UAV has a place on Earth.
+        By T. Vincenty, "Direct and inverse solutions of geodesics on the ellipsoid", Survey Review 23 (176), 1975. It
+        takes a twentieth of GeographicLib's time, and each sample of a UAV has a place on Earth.
         """
         tan_u = (1.0 - _F) * math.tan(math.radians(self.latitude_deg))  # of the reduced latitude, as are those below
         cos_u = 1.0 / math.sqrt(1.0 + tan_u * tan_u)
@@ -104,7 +104,7 @@ class EllipsoidProjection(Projection):
             off = 2.0 * middle * middle - 1.0
             more = b / 6.0 * middle * (4.0 * sin * sin - 3.0) * (4.0 * middle * middle - 3.0)
             last_rad, sigma_rad = sigma_rad, first_rad + b * sin * (middle + b / 4.0 * (cos * off - more))
-            if abs(sigma_rad - last_rad) < _SAME_RAD:
+            if abs(sigma_rad - last_rad) < _LEAST_CHANGE_RAD:
                 break
         sin, cos, middle = math.sin(sigma_rad), math.cos(sigma_rad), math.cos(from_equator_rad + sigma_rad)
         across = sin_u * sin - cos_u * cos * cos_azimuth

@@ -38,7 +38,7 @@ class SetpointSender:
         """Newest setpoint, and its manoeuvre. Set with the lock of what is flown held."""
         self._dropped = DroppedPositions()
         self._whole: VehicleInfo | None = None
-        """What is known of the autopilot, if that takes positions with their whole motion, wherever they are."""
+        """Properties of the autopilot, if that takes positions with their whole motion, wherever they are."""
         self.on_sent: Callable[[Setpoint], None] | None = None
         """Called with each setpoint that was sent, by the thread that sends it; never blocks."""
 

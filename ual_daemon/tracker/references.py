@@ -310,7 +310,7 @@ def measured_motion(snapshot: Snapshot) -> Motion:
 def motion_of(measured: MotionState) -> Motion:
     """Returns the same; see `measured_motion`, also for what is raised."""
     if measured.pose is None:
-        raise unknown_place()
+        raise unknown_position()
     pose = measured.pose.value
     if measured.velocity is None:
         return Motion(pose.position, pose.yaw_rad)
@@ -318,8 +318,8 @@ def motion_of(measured: MotionState) -> Motion:
     return Motion(pose.position, pose.yaw_rad, twist.linear, _ZERO, twist.angular.z)
 
 
-def unknown_place() -> WrongStateError:
-    """Returns the error of who must know where the UAV is."""
+def unknown_position() -> WrongStateError:
+    """Returns the error that it is not known where the UAV is."""
     return WrongStateError("the autopilot has not said where the UAV is (its pose)", {"needed": "pose"})
 
 

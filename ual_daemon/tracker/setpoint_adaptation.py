@@ -19,7 +19,7 @@ from ual_daemon.tracker.limits import scaled_down
 
 _ZERO = Vector3()
 WHOLE_MOTION = Takes.POSITION | Takes.FEED_FORWARD
-"""Positions with the motion in them: nothing is to be adapted for who takes them."""
+"""Positions with the motion in them: nothing is to be adapted for an autopilot that takes them."""
 
 
 def adapted(setpoint: Setpoint, vehicle: VehicleInfo, snapshot: Snapshot, limits: Callable[[], Limits]) -> Setpoint:

@@ -21,7 +21,7 @@ from ual_daemon.trajectory.leg import Leg
 LIMITS = Limits(2.0, 1.0, 1.0, 1.5, 1.0, 1.0)
 
 
-class _WithoutShortWay(TimeScaling):
+class _WithoutUsualCase(TimeScaling):
     def advance(self, passed_s: float, limit_s: float, wanted_scale: float) -> None:
         self._wait_s -= passed_s
         if self._is_at_rest():
@@ -43,11 +43,11 @@ class _WithoutShortWay(TimeScaling):
     ),
     st.sampled_from([math.inf, 3.0]),
 )
-def test_the_scaled_time_is_that_of_the_long_way(
+def test_the_scaled_time_is_that_of_the_general_case(
     goal: Vector3, course: list[tuple[float, float, int]], limit_s: float
 ) -> None:
     trajectory = StraightTrajectory(Motion(Vector3(), 0.0), goal, 1.0, LIMITS)
-    short, long = TimeScaling(trajectory), _WithoutShortWay(trajectory)
+    short, long = TimeScaling(trajectory), _WithoutUsualCase(trajectory)
     for passed_s, wanted_scale, count in course:
         for _ in range(count):
             for each in (short, long):
@@ -74,7 +74,7 @@ def test_a_leg_that_cruises_is_where_its_length_says(path: Vector3, peak_m_s: fl
     st.lists(st.tuples(st.sampled_from([0.02, 0.3]), vectors(1.0), st.floats(-4.0, 4.0), vectors(0.3)), min_size=1),
     st.floats(-3.0, 3.0),
 )
-def test_an_arrival_is_judged_by_the_mean_of_the_errors(
+def test_an_arrival_is_assessed_by_the_mean_of_the_errors(
     course: list[tuple[float, Vector3, float, Vector3]], goal_yaw_rad: float
 ) -> None:
     tolerance, goal, now_s = ToleranceSettings(), Vector3(0.2, 0.1, 0.0), 0.0

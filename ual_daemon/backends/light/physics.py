@@ -44,7 +44,7 @@ class FlightMode(IntEnum):
 
 
 LightReport: TypeAlias = tuple[Sequence[float], Sequence[float], float, float, int, bool, bool, bool, float]
-"""What one autopilot reports: position, velocity, yaw, yaw rate, mode, whether it is armed, is landed, and has a
+"""Report of one autopilot: position, velocity, yaw, yaw rate, mode, whether it is armed, is landed, and has a
 position, and the percent of its battery. A plain tuple, as columns of numpy give them.
 """
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from ual.geometry import Vector3, wrap_angle
 from ual_daemon.backends.values import MotionState, Snapshot
 from ual_daemon.settings import ToleranceSettings
-from ual_daemon.tracker.references import motion_of, unknown_place
+from ual_daemon.tracker.references import motion_of, unknown_position
 from ual_daemon.trajectory import Motion
 
 
@@ -46,7 +46,7 @@ class Arrival:
     def __init__(self, position: Vector3, yaw_rad: float, tolerance: ToleranceSettings) -> None:
         self._position, self._yaw_rad, self._tolerance = position, yaw_rad, tolerance
         self._samples: deque[tuple[float, MotionState]] = deque()
-        """What was measured, and when. Compared with the goal only when somebody asks: each update adds one."""
+        """Measured motions, and when. Compared with the goal only when somebody asks: each update adds one."""
 
     def observe(self, snapshot: Snapshot) -> None:
         """Adds the measured motion. To be called at each update.
@@ -56,7 +56,7 @@ class Arrival:
 
         """
         if snapshot.motion.pose is None:
-            raise unknown_place()
+            raise unknown_position()
         samples, now_s = self._samples, snapshot.time_s
         samples.append((now_s, snapshot.motion))
         # One sample older than the dwell time stays, so that the samples span all of it.

@@ -56,7 +56,7 @@ class VehicleIdentity:
         self._kinds, self._clocks, self._addresses_used = _Conflict(span_s=1.0), _Conflict(0.0), _Conflict(0.0)
         self._conflicts = (self._kinds, self._clocks, self._addresses_used)
         self.address: Address | None = None
-        """Where the last frame came from. An attribute, as each frame is compared with it; see `on_frame`."""
+        """Address of the sender of the last frame. An attribute, as each frame is compared with it; see `on_frame`."""
         self._address_before: Address | None = None
         """The address of the newest message, and the one before the last change."""
         self.sequence = 0
