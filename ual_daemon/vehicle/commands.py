@@ -152,6 +152,7 @@ class Commands:
                 raise on_mission("take_off")
             snapshot = self._require_armed_for_take_off(order.lease_id)
             self._preconditions.require_own_ground("take_off")
+            self._preconditions.require_no_fall("take_off", snapshot)
             self._preconditions.require_no_failsafe("take_off", snapshot, force=is_forced)
             bounds = self._flight.limits.get()
             on_setpoints = self._backend.info().flies_takeoff_on_setpoints

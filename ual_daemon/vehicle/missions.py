@@ -231,6 +231,7 @@ class Missions:
         self._preconditions.require_no_failsafe(NAME, snapshot, force=False)
         if self._flight.raw_estimate(snapshot).state is State.LANDED_ARMED:
             self._preconditions.require_own_ground(NAME)
+            self._preconditions.require_no_fall(NAME, snapshot)
             begins = next((each for each in items[first - 1 :] if isinstance(each, MOVING)), None)
             if not isinstance(begins, TakeOff):
                 raise WrongStateError(

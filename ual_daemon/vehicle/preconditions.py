@@ -84,7 +84,7 @@ class Preconditions(RefusalLog):
             )
 
     def require_no_fall(self, command: str, snapshot: Snapshot) -> None:
-        """Checks that the UAV does not fall by its velocity, as one that was just disarmed in the air.
+        """Checks that the UAV does not fall by its velocity, as one that was just disarmed, or armed again, in the air.
 
         The watch of what follows takes longer: to a daemon that is new, a UAV may be carried, as in a lift.
 
@@ -96,9 +96,10 @@ class Preconditions(RefusalLog):
         if velocity is None or snapshot.time_s - velocity.time_s > self._backend.freshness.pose_s:
             return
         if (down_m_s := -velocity.value.linear.z) > FALL_M_S:
+            remedy = "it is armed again once it lies still" if command == "arm" else "wait until it lies still"
             raise WrongStateError(
-                f"{command}: the UAV falls at {down_m_s:.0f} m/s; it is armed again once it lies still",
-                {"state": State.LANDED_DISARMED.name, "needed": "standing still", "command": command},
+                f"{command}: the UAV falls at {down_m_s:.0f} m/s; {remedy}",
+                {"state": self._flight.estimate(snapshot).state.name, "needed": "standing still", "command": command},
             )
 
     def require_recoverable(self, command: str) -> tuple[State, ...]:

@@ -271,6 +271,33 @@ def test_a_daemon_that_is_new_does_not_arm_what_falls_after_it_was_disarmed_in_t
     flight.uav.arm()
 
 
+def test_a_daemon_that_is_new_takes_no_take_off_of_what_was_armed_again_in_its_fall() -> None:
+    """A real ArduCopter fell at 8 m/s, on the ground by its own word, and the take-off began."""
+    flight = Flight("ardupilot")
+    try:
+        climb(flight, 60.0)
+        flight.kill()
+        assert flight.autopilot.pilot_disarm(is_forced=True)
+        flight.autopilot.has_thrust = False
+        assert flight.autopilot.pilot_arm()
+        flight.autopilot.run(0.3)
+        flight.start()
+        refusals: list[str] = []
+
+        def take_off(telemetry: Telemetry) -> None:
+            if telemetry.state is State.LANDED_ARMED and not refusals:
+                with pytest.raises(WrongStateError, match=r"take_off: the UAV falls at \d+ m/s") as caught:
+                    flight.uav.take_off(3.0, blocking=False)
+                refusals.append(caught.value.metadata["state"])
+
+        flight.uav.vehicle.subscribe(take_off)
+        flight.wait_for(lambda: bool(refusals), "a refusal in the first update that has a state")
+        assert refusals == [State.LANDED_ARMED.name]
+        assert flight.commands_since(flight.started_s) == set()
+    finally:
+        flight.uav.close()
+
+
 def test_a_daemon_that_is_new_takes_no_motion_after_the_motors_were_stopped_until_it_is_disarmed() -> None:
     flight = Flight("ardupilot")
     try:
