@@ -47,6 +47,8 @@ class SenderWatch:
     def __init__(self, sent: SetpointMonitor, *, stays_without_setpoints: bool) -> None:
         self._sent = sent
         self._stays = stays_without_setpoints
+        self.round_trip_s = 0.0
+        """Seconds after which a setpoint of ours can show in a target, by the link."""
         self._flies_since_s = math.inf
         self._received_s = -math.inf
         self._back_s = -math.inf
@@ -75,8 +77,9 @@ class SenderWatch:
             self._find("the autopilot's target moves, and UAL sends none", now_s)
 
     def _judge_during_ours(self, target: _ReportedTarget) -> None:
-        now_s = target.time_s
-        if self._sent.duration_s(now_s) <= LEAST_SENDING_TIME_S or not self._is_strange(target):
+        now_s, round_trip_s = target.time_s, self.round_trip_s
+        is_too_early = self._sent.duration_s(now_s) <= LEAST_SENDING_TIME_S + round_trip_s
+        if is_too_early or now_s - self._flies_since_s <= round_trip_s or not self._is_strange(target):
             return
         if self._strange_s and now_s - self._strange_s[-1] < LEAST_TARGET_GAP_S:
             return

@@ -139,6 +139,18 @@ def test_a_target_that_a_reset_of_the_estimate_moves_until_our_next_setpoint_is_
     assert flown.fly(1.0, ours, ours) == ""
 
 
+def test_a_target_from_before_our_first_setpoint_can_have_arrived_is_nobody_elses() -> None:
+    """A real ArduCopter over a link of 2.3 s: in GUIDED again it held by itself, at a velocity of 0."""
+    flown, ours, own = Streamed(), PositionSetpoint(HERE, 0.0), VelocitySetpoint(Vector3())
+    flown.watch.round_trip_s = 2.3
+    for tick in range(100):  # it is not known to be in GUIDED again
+        flown.sent.on_sent(tick * 0.02, ours)
+    flown.now_s = 2.0
+    assert flown.fly(2.2, ours, own) == ""
+    assert flown.fly(3.0, ours, ours) == ""
+    assert flown.fly(0.2, ours, VelocitySetpoint(EAST)).startswith("another program sends setpoints")
+
+
 def test_a_target_of_a_pilot_who_took_over_unheard_is_no_senders() -> None:
     flown = Streamed()
     flown.fly(5.0, VelocitySetpoint(NORTH), VelocitySetpoint(NORTH))

@@ -620,6 +620,7 @@ class MavlinkSession:
     def _on_timesync(self, message: Message, now_s: float, utc_now_s: float) -> None:
         if message.tc1:  # an answer
             self._supervision.timesync.on_answer(message.ts1, now_s)
+            self._sender_watch.round_trip_s = self._supervision.timesync.round_trip_s or 0.0
         else:
             self._sender.send(mavlink.MAVLink_timesync_message(round(utc_now_s * 1e9), message.ts1))
 
