@@ -27,13 +27,14 @@ WATCHED_S, STAYS_M = 5.0, 0.3
 
 
 @pytest.fixture(params=[*MODES])
-def under_pilot(request: pytest.FixtureRequest, flight: Flight, pilot: Transmitter) -> Iterator[Flight]:
-    """In its hover; the pilot's switch selects a mode in which nothing bounds its descent."""
+def under_pilot(request: pytest.FixtureRequest, flight: Flight, pilot: Transmitter, truth: Truth) -> Iterator[Flight]:
+    """In its hover, once the truth has seen the ground. By the pilot's switch nothing bounds its descent."""
     if not isinstance(pilot, CopterPilot):
         pytest.skip("an ArduCopter's switch")
     with changed(pilot, (Change("FLTMODE5", MODES[request.param], 5.0),)):
         flight.be_armed()
         flight.uav.take_off(HEIGHT_M)
+        assert truth.height_m > HEIGHT_M - 1.0
         yield flight
         pilot.sticks = Sticks()
         pilot.stand_by()

@@ -79,7 +79,7 @@ class SenderWatch:
     def _judge_during_ours(self, target: _ReportedTarget) -> None:
         now_s, round_trip_s = target.time_s, self.round_trip_s
         is_too_early = self._sent.duration_s(now_s) <= LEAST_SENDING_TIME_S + round_trip_s
-        if is_too_early or now_s - self._flies_since_s <= round_trip_s or not self._is_strange(target):
+        if is_too_early or self._sent.last_s - self._flies_since_s <= round_trip_s or not self._is_strange(target):
             return
         if self._strange_s and now_s - self._strange_s[-1] < LEAST_TARGET_GAP_S:
             return

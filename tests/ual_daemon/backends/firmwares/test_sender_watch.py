@@ -151,6 +151,14 @@ def test_a_target_from_before_our_first_setpoint_can_have_arrived_is_nobody_else
     assert flown.fly(0.2, ours, VelocitySetpoint(EAST)).startswith("another program sends setpoints")
 
 
+def test_a_target_of_the_autopilot_after_a_pilot_has_just_returned_control_is_no_senders() -> None:
+    """A real ArduCopter whose pilot left GUIDED for 0.3 s: it held by itself, at a velocity of 0."""
+    flown, ours = Streamed(), PositionSetpoint(HERE, 0.0)
+    assert flown.fly(5.0, ours, ours) == ""
+    assert flown.another(LOITER) == ""
+    assert flown.fly(0.4, None, VelocitySetpoint(Vector3())) == ""
+
+
 def test_a_target_of_a_pilot_who_took_over_unheard_is_no_senders() -> None:
     flown = Streamed()
     flown.fly(5.0, VelocitySetpoint(NORTH), VelocitySetpoint(NORTH))
