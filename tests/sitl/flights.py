@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
+import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 from tests.sitl.transmitter import Transmitter
@@ -69,6 +70,8 @@ class Flight:
     def be_armed(self) -> None:
         """The pilot arms."""
         self.wait_for(self.uav.is_ready, "a state")
+        if self.pilot.is_terminated:
+            pytest.skip(f"{self.pilot.autopilot} was terminated, and flies again once it has booted: start it anew")
         self.pilot.wait_until_ready()
         self.pilot.arm()
         self.wait_for_state(State.LANDED_ARMED)

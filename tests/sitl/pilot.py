@@ -6,13 +6,14 @@ import socket
 from collections.abc import Sequence
 
 from pymavlink.dialects.v20 import all as mavlink
+from typing_extensions import override
 
 from tests.sitl.transmitter import Transmitter
 from ual_daemon.backends.mavlink.wire.frames import MavlinkFrame, split
 
 GROUND_STATION_ID = 255
 _POSCTL = 3
-POSCTL, OFFBOARD = _POSCTL << 16, 6 << 16
+POSCTL, OFFBOARD, _TERMINATION = _POSCTL << 16, 6 << 16, 10 << 16
 _HEARTBEATS = 20  # one in so many times of the sticks: 1 Hz
 
 
@@ -37,6 +38,11 @@ class SafetyPilot(Transmitter):
         self._address = (host, port)
         self._is_heard = True
         self._thread.start()
+
+    @property
+    @override
+    def is_terminated(self) -> bool:
+        return self.mode == _TERMINATION
 
     def begin(self) -> None:
         self._wait(lambda: bool(self._system_id), "there")

@@ -64,6 +64,11 @@ class Transmitter(ABC):
         self._is_closing = False
         self._thread = threading.Thread(target=self._run, name=f"safety pilot of {self.autopilot}")
 
+    @property
+    def is_terminated(self) -> bool:
+        """Whether the autopilot has terminated a flight, and refuses every other mode until it boots."""
+        return False
+
     def close(self) -> None:
         self._is_closing = True
         self._thread.join()
