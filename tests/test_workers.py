@@ -34,8 +34,7 @@ def _run(directory: Path, *files: str) -> str:
     command = [sys.executable, "-m", "pytest", "-c", os.devnull, "--rootdir", ".", "-p", "no:cacheprovider", "-n2"]
     environment = {"PYTHONPATH": str(_ROOT), **os.environ}
     run = subprocess.run([*command, *files], cwd=directory, env=environment, capture_output=True, text=True)
-    assert not run.stderr
-    return run.stdout
+    return run.stdout + run.stderr
 
 
 def test_they_share_a_collection_and_have_what_else_is_a_workers_own(tmp_path: Path) -> None:
@@ -49,4 +48,12 @@ def test_they_share_a_collection_and_have_what_else_is_a_workers_own(tmp_path: P
         assert f"written by {worker}" in told
     assert "ModuleNotFoundError: No module named 'nothing_of_this_name'" in told
     assert "2 failed, 1 error" in told
+    assert "Warning" not in told
     assert (tmp_path / "collections").read_text() == "collected 2\n"
+
+
+def test_a_file_that_is_not_there_is_reported_as_by_pytest(tmp_path: Path) -> None:
+    (tmp_path / "conftest.py").write_text(_CONFTEST)
+    told = _run(tmp_path, "test_missing.py")
+    assert "file or directory not found: test_missing.py" in told
+    assert "INTERNALERROR" not in told

@@ -60,6 +60,8 @@ class _Mother:
         request = forkserver.Request("worker", [], dict(os.environ))
         try:
             pid = forkserver.fork_off(self._connection, request, stdin, stdout, sys.stderr.fileno())
+        except (OSError, ValueError) as error:  # it has ended, and has said why: a file that is not there, an option
+            raise pytest.UsageError("the tests cannot be collected") from error
         finally:
             os.close(stdin)
             os.close(stdout)

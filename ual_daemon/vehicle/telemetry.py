@@ -26,6 +26,10 @@ class Follows(Protocol):
     """Why it does not; empty while it does, or where that is not watched."""
 
 
+_AFTER_MISSION = (Cause.AUTOPILOT, Cause.GROUND_STATION)
+"""Apparent holders of the control as a mission of UAL ends."""
+
+
 class Doing(Protocol):
     """Activity of a UAV, as far as a sample reports it. `Flight` has the activity of a UAV that UAL flies."""
 
@@ -127,9 +131,13 @@ def make_telemetry(
 
 
 def _holder(snapshot: Snapshot, doing: Doing) -> Cause | None:
-    """Returns the holder of the control. PX4's hold after a mission of UAL looks like a ground station's choice."""
+    """Returns the holder of the control. PX4's hold after a mission of UAL is nobody's, or looks like a ground
+    station's choice.
+    """
     held_by = snapshot.control.held_by
-    return None if held_by is Cause.GROUND_STATION and doing.is_on_mission else held_by or doing.holder
+    if doing.is_on_mission and held_by in _AFTER_MISSION:
+        return None
+    return held_by or doing.holder
 
 
 def _health(snapshot: Snapshot, trouble: str, held_by: Cause | None, daemon_checks: tuple[str, ...]) -> Health | None:
