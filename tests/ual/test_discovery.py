@@ -25,8 +25,8 @@ def here(runtime_dir: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return runtime_dir
 
 
-def register(ns: str, address: str = "127.0.0.1:6000", pid: int = os.getpid()) -> Registration:
-    registration = Registration(ns, pid, address, "light", 1.5)
+def register(ns: str, address: str = "127.0.0.1:6000", pid: int | None = None) -> Registration:
+    registration = Registration(ns, os.getpid() if pid is None else pid, address, "light", 1.5)
     registration.write()
     return registration
 

@@ -664,6 +664,7 @@ class Flight:
         error = TaskAbortedError(f"{self._backend.options.ns} was closed", {"by": "close"})
         self._swap(None, partial(self._ends_with_close, shutdown, error))
         self.sender.forget()
+        self._stepper.forget()
         self._watched.end_all(error)
         if self._shutdown is not None:
             self._shutdown.finish()

@@ -72,12 +72,16 @@ class FlightStepper:
         manoeuvre = self._flown.manoeuvre
         current = None if manoeuvre is None else manoeuvre.current_reference()
         if current is None:
-            self._rules.drift.forget()
-            self._current, self._before = None, _nothing_before
+            self.forget()
         elif not isinstance(current, Velocity):
             if current is not self._current:
                 self._current, self._before = current, partial(motion_if_near, current)
             self._rules.drift.stand_by(self._before, snapshot)
+
+    def forget(self) -> None:
+        """Forgets what was flown before a velocity: it keeps a whole trajectory alive."""
+        self._rules.drift.forget()
+        self._current, self._before = None, _nothing_before
 
     def _step(self, snapshot: Snapshot, raw: Estimate) -> None:
         """Steps what is flown, and where that ends, the reference that follows it."""
