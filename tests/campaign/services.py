@@ -169,12 +169,14 @@ def _passed(record: Record, call: Called) -> Iterator[Breach]:
     way = [each for each in record.truth if call.began_s <= each.time_s <= call.ended_s + TOLD_S]
     heights_m = [each.place[2] for each in newest(record.homes, call.began_s, call.ended_s)] or [0.0]
     begin, moved_m = 0, max(heights_m) - min(heights_m)  # its heights go after home
+    errors_m = [estimate_error_m(record, each.time_s) for each in way]  # a barometer's may end before the mission
     for number, goal in enumerate(call.goals):
-        allowed_m = PASSED_M + moved_m + estimate_error_m(record, call.ended_s)
-        passed = [index for index in range(begin, len(way)) if distance_m(way[index].place, goal) <= allowed_m]
+        beside_m = [distance_m(each.place, goal) - error_m for each, error_m in zip(way, errors_m, strict=True)]
+        passed = [index for index in range(begin, len(way)) if beside_m[index] <= PASSED_M + moved_m]
         if not passed:
-            nearest_m = min((distance_m(each.place, goal) for each in way[begin:]), default=math.inf)
+            nearest_m = min(beside_m[begin:], default=math.inf)
             text = f"the mission counts as done, and passed its place {number + 1} {position_text(goal)}"
-            yield Breach("goal", call.ended_s, f"{text} at {nearest_m:.2f} m (allowed {allowed_m:.2f})")
+            allowed = f"allowed {PASSED_M + moved_m:.2f} beside the error of the estimate"
+            yield Breach("goal", call.ended_s, f"{text} at {nearest_m:.2f} m ({allowed})")
             return
         begin = passed[0]

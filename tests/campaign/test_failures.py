@@ -422,6 +422,22 @@ def test_a_mission_passes_its_positions_in_their_order(goals: tuple[Place, ...],
     assert rules(record) == found
 
 
+@pytest.mark.parametrize(("begins_s", "ends_s", "found"), [(0.0, 8.9, {"goal"}), (12.8, 13.2, set())])
+def test_a_place_counts_as_passed_by_the_error_of_the_estimate_at_that_time(
+    begins_s: float, ends_s: float, found: set[str]
+) -> None:
+    """A barometer's error may end before the mission (campaign, 1690000000016)."""
+    record = mission()
+    record.called[1] = dataclasses.replace(record.called[1], goals=((4.0, 1.0, 8.0),))
+    record.truth = [Located(each.time_s, current_position(each.time_s)) for each in record.truth]
+    record.estimate = [
+        Located(each.time_s, (x, y, z + (5.0 if begins_s <= each.time_s < ends_s else 0.0)))
+        for each in record.truth
+        for x, y, z in [each.place]
+    ]
+    assert rules(record) & {"goal"} == found
+
+
 def test_a_mission_that_succeeds_without_what_another_station_jumps_over_is_found() -> None:
     record = mission()
     record.orders.append(Order(10.0, "jump"))
