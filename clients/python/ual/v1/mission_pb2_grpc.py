@@ -152,7 +152,7 @@ class MissionServiceServicer(object):
     def JumpToItem(self, request, context):
         """Flies on to another item. Ends once the autopilot says that this is its current one.
         Errors: WRONG_STATE (no mission of UAL runs, or it is paused, or there is no such item), INVALID_ARGUMENT (the item
-        does not fly), TIMEOUT.
+        does not fly), TASK_ABORTED (another jump replaced it), TIMEOUT.
         """
         context.set_code(grpc.StatusCode.UNIMPLEMENTED)
         context.set_details('Method not implemented!')

@@ -315,7 +315,7 @@ class MissionServiceStub(typing.Generic[_MissionServicePlanMissionType, _Mission
     JumpToItem: _MissionServiceJumpToItemType
     """Flies on to another item. Ends once the autopilot says that this is its current one.
     Errors: WRONG_STATE (no mission of UAL runs, or it is paused, or there is no such item), INVALID_ARGUMENT (the item
-    does not fly), TIMEOUT.
+    does not fly), TASK_ABORTED (another jump replaced it), TIMEOUT.
     """
 
     GetMissionProgress: _MissionServiceGetMissionProgressType
@@ -447,7 +447,7 @@ class MissionServiceServicer(metaclass=abc.ABCMeta):
     ) -> typing.Union[ual.v1.mission_pb2.JumpToItemResponse, collections.abc.Awaitable[ual.v1.mission_pb2.JumpToItemResponse]]:
         """Flies on to another item. Ends once the autopilot says that this is its current one.
         Errors: WRONG_STATE (no mission of UAL runs, or it is paused, or there is no such item), INVALID_ARGUMENT (the item
-        does not fly), TIMEOUT.
+        does not fly), TASK_ABORTED (another jump replaced it), TIMEOUT.
         """
 
     @abc.abstractmethod

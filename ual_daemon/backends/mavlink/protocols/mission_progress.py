@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 from typing_extensions import override
 
-from ual.errors import LinkLostError, UalTimeoutError
+from ual.errors import LinkLostError, TaskAbortedError
 from ual.missions.plan import MissionStage
 from ual_daemon.backends import futures
 from ual_daemon.backends.firmwares.item_lists import not_current
@@ -152,7 +152,8 @@ class MissionProgressProtocol(Protocol):
             futures.fail(future, LinkLostError("no autopilot was found"))
             return
         if self._setting is not None:
-            self._setting.fail(UalTimeoutError("another item was asked for"))
+            text = "jump_to_item: replaced, as another item was asked for"
+            self._setting.fail(TaskAbortedError(text, {"by": "jump_to_item"}))
 
         def transmit(now_s: float) -> None:
             self.on_order(now_s)
