@@ -105,9 +105,15 @@ def test_a_hundred_threads_call_every_member() -> None:
 def _flies_as_ever(uav: UAL) -> None:
     """Makes a plain flight, whatever the state is now."""
 
+    def take_back() -> None:
+        try:
+            uav.recover_from_manual()
+        except WrongStateError:  # it hovers where it may lie by what is known: its pilot is asked
+            uav.simulation.pilot_give_back()
+
     def rests() -> bool:
         way_down: dict[State, Callable[[], object]] = {
-            State.FLYING_MANUAL: uav.recover_from_manual,
+            State.FLYING_MANUAL: take_back,
             State.FLYING_AUTO: uav.land,
             State.LANDED_ARMED: uav.disarm,
         }

@@ -63,6 +63,8 @@ _LOWEST_BATTERY_PERCENT = 5.0
 _FULL_V, _EMPTY_V = 16.8, 13.2
 _STATUS_PERIOD_S = 0.1
 """Between two reports of what has not changed: all but the motion."""
+_LINK_S = 0.5
+"""Seconds of silence after which the link is lost."""
 _ZERO = Vector3()
 _STEPS_PER_SEED = 1 << 40
 """Larger than the number of steps in any world, so that no two vehicles use the same seed."""
@@ -108,7 +110,7 @@ class LightBackend(Backend):
     """One simulated multirotor. Several of them can share a `World`, which steps them all on one thread."""
 
     name = "light"
-    freshness = Freshness(link_s=0.5, pose_s=0.5, mode_s=0.5, landed_s=0.5, estimator_s=0.5)
+    freshness = Freshness(_LINK_S, _LINK_S, *[_LINK_S + 2 * _STATUS_PERIOD_S] * 3)  # a silent link is one
 
     def __init__(self, options: BackendOptions, world: World | None = None) -> None:
         super().__init__(options)
@@ -413,8 +415,9 @@ class LightBackend(Backend):
                 faults.apply(self.world.fleet, self._index, now_s)
                 self._apply_external_pose(now_s)
                 self._update_snapshot()
-            else:
-                self._update_snapshot(self.world.fleet.report_of_step(self._index))
+            else:  # what has shown in this step already, perhaps after a command, is newer than the step's report
+                is_shown = self._snapshot_step == self.world.steps
+                self._update_snapshot(None if is_shown else self.world.fleet.report_of_step(self._index))
         if self._cameras.is_busy:
             self._contained.call(lambda: self._cameras.step(self._camera_moment()))
         if self._late_acks:

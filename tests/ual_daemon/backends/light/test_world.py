@@ -51,6 +51,38 @@ def test_time_that_stands_still_moves_by_steps_only() -> None:
     assert drone.world.now_s() == pytest.approx(1.0 + SIM_STEP_S)
 
 
+def test_what_has_shown_after_a_command_amid_a_step_is_not_taken_back() -> None:
+    """At the end of a daemon a hold showed, and then once more the mode before: it said that it left in flight."""
+    options = [BackendOptions(f"uav_{i}", settings={"speed_factor": 0}) for i in range(10)]
+    backends = LightBackend.fleet(options, [Vector3(3.0 * i) for i in range(10)])
+    first, last, is_due = backends[0], backends[-1], False
+    time, pilot = first.simulation(), last.simulation()
+    assert time is not None
+    assert pilot is not None
+    modes: list[str] = []
+
+    def mode(snapshot: Snapshot) -> str:
+        return "" if snapshot.control.mode is None else snapshot.control.mode.value.name
+
+    def on_first(_: Snapshot) -> None:
+        if is_due:
+            pilot.pilot_take_over()
+            modes.append(mode(last.snapshot()))
+
+    with ExitStack() as stack:
+        first.open(on_first)
+        last.open(lambda snapshot: modes.append(mode(snapshot)))
+        for each in backends[1:-1]:
+            each.open(lambda _: None)
+        for each in backends:
+            stack.callback(each.close)
+        time.step(3 * SIM_STEP_S)
+        modes.clear()
+        is_due = True
+        time.step(SIM_STEP_S)
+    assert set(modes) == {"MANUAL"}
+
+
 def test_a_defect_of_one_vehicle_stops_neither_time_nor_the_others(caplog: pytest.LogCaptureFixture) -> None:
     def fail() -> None:
         raise RuntimeError("a defect of one vehicle")
