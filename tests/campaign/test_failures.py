@@ -423,7 +423,7 @@ def test_a_mission_passes_its_positions_in_their_order(goals: tuple[Place, ...],
 
 
 @pytest.mark.parametrize(("begins_s", "ends_s", "found"), [(0.0, 8.9, {"goal"}), (12.8, 13.2, set())])
-def test_a_place_counts_as_passed_by_the_error_of_the_estimate_at_that_time(
+def test_a_waypoint_counts_as_passed_by_the_error_of_the_estimate_at_that_time(
     begins_s: float, ends_s: float, found: set[str]
 ) -> None:
     """A barometer's error may end before the mission (campaign, 1690000000016)."""
