@@ -98,7 +98,7 @@ async def _serve(fly: Callable[[Served], T], directory: Path, *, has_all: bool) 
     with ExitStack() as stack:
         uav = stack.enter_context(stepped(CORNER.settings))
         uav.update_each_step()
-        # What is recorded once in so many seconds is so in the time of the flight, however busy the computer is.
+        # The recording's periods count in the time of the flight, however busy the computer is.
         stack.enter_context(patch.object(SteadyUtc, "now_ns", lambda _: round(uav.vehicle.clock.now_s() * 1e9)))
         observers = _observers(uav.vehicle, directory, stack) if has_all else []
         transport, access = MemoryTransport(), _access() if has_all else None

@@ -59,6 +59,7 @@ class Vector3(_Components):
     @overload
     def __init__(self, x: Iterable[SupportsFloat]) -> None: ...
     def __init__(self, x: float | Iterable[SupportsFloat] = 0.0, y: float = 0.0, z: float = 0.0) -> None:
+        # The usual classes come first: whether others are several numbers takes three calls.
         if type(x) is not float and type(x) is not int and isinstance(x, Iterable) and not isinstance(x, (str, bytes)):
             x, y, z = _numbers(x, (y, z), (0.0, 0.0), "three")
         _set_x(self, x)
@@ -108,7 +109,6 @@ class Vector3(_Components):
         return math.hypot(self.x, self.y)
 
 
-# The usual classes of a component come first: others are asked whether they are several, which takes three calls.
 _set_x, _set_y, _set_z = (vars(Vector3)[name].__set__ for name in ("x", "y", "z"))
 """Each update makes hundreds of vectors, and ``object.__setattr__`` takes half as long again."""
 
