@@ -115,6 +115,8 @@ class AutopilotCommand:
         said = snapshot.condition.status_text
         status = f"; it says: {said}" if said not in ("", self._said_before) else ""
         status += f"; {snapshot.link.trouble}" if snapshot.link.trouble else ""
+        if self._is_withdrawn and not self.is_answered:
+            return UalTimeoutError(f"the command to {self.what} was withdrawn, as the mode changed meanwhile{status}")
         if self.is_answered:
             return RejectedByAutopilotError(
                 f"the autopilot accepted to {self.what}, but has not after {COMMAND_PATIENCE_S:g} s{status}"

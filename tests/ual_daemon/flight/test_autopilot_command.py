@@ -120,6 +120,16 @@ def test_a_command_that_is_withdrawn_before_it_is_sent_is_not_sent() -> None:
     assert "withdrawn before it was sent" in str(failure)
 
 
+def test_a_command_that_was_withdrawn_is_no_silence_of_the_autopilot(autopilot: Autopilot, ack: Future[None]) -> None:
+    """The mode changed after it was given, and what took the UAV is not known yet."""
+    command = sent(ack, autopilot)
+    assert command.failure(autopilot.snapshot()) is None
+    command.withdraw()
+    failure = command.failure(later(autopilot, COMMAND_PATIENCE_S + 0.1))
+    assert failure is not None
+    assert "the command to do it was withdrawn, as the mode changed meanwhile" in failure.message
+
+
 def test_a_command_that_is_withdrawn_while_it_is_sent_is_cancelled(ack: Future[None]) -> None:
     command = AutopilotCommand("arm")
 

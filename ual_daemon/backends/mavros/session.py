@@ -14,6 +14,7 @@ from ual_daemon import logs
 from ual_daemon.backends.engine.agreement import Agreement
 from ual_daemon.backends.engine.command_runner import CommandRunner, RunnerSettings
 from ual_daemon.backends.engine.link_watch import LinkWatch
+from ual_daemon.backends.engine.readings import ahead_s
 from ual_daemon.backends.engine.severe_texts import SevereTexts
 from ual_daemon.backends.firmwares import px4_events
 from ual_daemon.backends.firmwares.autopilot import (
@@ -286,7 +287,7 @@ class MavrosSession:
         self._health.on_event(event)
         self._severe_texts.on_text(event.severe_text, event.severity, now_s)
         if event.armed is not None:
-            self.telemetry.set_armed(event.armed, now_s, now_s)
+            self.telemetry.set_armed(event.armed, ahead_s(now_s), now_s)
             self.runner.on_state(now_s)
         if event.text:
             self.runner.on_text(event.text)

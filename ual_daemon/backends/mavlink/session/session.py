@@ -16,6 +16,7 @@ from ual_daemon.backends.engine.command import FLYING, Verdict
 from ual_daemon.backends.engine.command_runner import CommandContext, CommandRunner
 from ual_daemon.backends.engine.limits import RESTART_SILENCE_S
 from ual_daemon.backends.engine.link_watch import LinkWatchState
+from ual_daemon.backends.engine.readings import ahead_s
 from ual_daemon.backends.engine.severe_texts import SevereTexts
 from ual_daemon.backends.firmwares.autopilot import SimulationVerdict, assumed_text, assumption_text
 from ual_daemon.backends.firmwares.cause_watch import CauseWatch
@@ -517,7 +518,7 @@ class MavlinkSession:
             self._health.on_event(event)
             self._severe_texts.on_text(event.severe_text, event.severity, now_s)
             if event.armed is not None:
-                self.telemetry.set_armed(event.armed, now_s)
+                self.telemetry.set_armed(event.armed, ahead_s(now_s))
                 self._commands.on_state(now_s)
             if event.text:
                 self._commands.on_text(event.text)

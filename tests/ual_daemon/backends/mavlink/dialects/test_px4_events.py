@@ -121,6 +121,21 @@ def test_the_events_of_a_recorded_flight_say_when_it_was_armed_and_disarmed(name
     assert trace.time_s("autopilot_disarmed") - 1.1 < events[1][0] < trace.time_s("autopilot_disarmed") + 0.1
 
 
+def test_the_mode_that_came_with_the_event_of_an_arming_may_be_the_one_before() -> None:
+    """A busy computer reads both at the same moment. The mode that the arming has entered comes up to a second later.
+    """
+    harness = Harness()
+    landed = mavlink.MAVLink_extended_sys_state_message(0, mavlink.MAV_LANDED_STATE_ON_GROUND)
+    harness.receive(heartbeat(6 << 16), attitude(), landed, data=event("commander_armed_by"))
+    control = harness.snapshot().control
+    assert control.armed is not None
+    assert control.armed.value
+    assert control.settled_mode == ""
+    harness.now_s += 0.5
+    harness.receive(heartbeat(LOITER, armed=True))
+    assert harness.snapshot().control.settled_mode == LOITER_NAME
+
+
 CRITICAL, WARNING = 0x42, 0x44
 
 
