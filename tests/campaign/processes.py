@@ -39,7 +39,7 @@ class SimulatorProcess:
 
     def end(self) -> None:
         if self._process is not None:
-            self._process.send_signal(signal.SIGINT)
+            self._process.terminate()  # a shell in the background, and what it starts, ignore SIGINT
             try:
                 self._process.wait(10.0)
             except subprocess.TimeoutExpired:
