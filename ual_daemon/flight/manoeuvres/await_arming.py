@@ -6,10 +6,10 @@ from collections.abc import Callable
 
 from typing_extensions import override
 
-from ual.errors import TaskAbortedError, UalError, WrongStateError
+from ual.errors import UalError, WrongStateError
 from ual.types import State
 from ual_daemon.backends.values import Control, Snapshot
-from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Manoeuvre, Step, failed, why_blind
+from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Manoeuvre, Step, failed, taken, why_blind
 from ual_daemon.flight.policy.jumps import EstimateJump
 from ual_daemon.flight.state import Estimate
 from ual_daemon.flight.tasks import VehicleTask
@@ -49,12 +49,7 @@ class AwaitArming(Manoeuvre):
         if estimate.state is State.LANDED_ARMED and (waited_s > _DISARM_S or not is_after_landing(snapshot)):
             return Step(handover=self._take_off(snapshot))
         if estimate.state not in (State.LANDED_ARMED, State.LANDED_DISARMED):
-            return failed(
-                TaskAbortedError(
-                    f"take_off: while it waited for the arming, the state became {estimate.state.name}",
-                    {"by": "safety pilot", "state": estimate.state.name},
-                )
-            )
+            return taken(snapshot, self.name)
         if waited_s > _ARMING_TIMEOUT_S:
             return failed(
                 WrongStateError(
