@@ -279,6 +279,16 @@ def test_an_autopilots_fence_that_is_narrower_than_where_it_stands_lifts_it(mode
     assert "nothing flies" in rules(record)
 
 
+def test_a_take_off_that_a_new_fence_ended_had_been_asked_for() -> None:
+    """Campaign, 1720000000053: its fence became 2 m wide 5.7 m from home, just after the take-off was accepted."""
+    record = clean()
+    ended = dataclasses.replace(record.called[0], outcome="GEOFENCE", ended_s=3.2)
+    record.called[0] = ended
+    assert "unasked" in rules(record)
+    record.called[0] = dataclasses.replace(ended, text="take_off: beyond its fence; this has changed in flight")
+    assert "unasked" not in rules(record)
+
+
 # --- mission's owner, no part -----------------------------------------------------------------------------------------
 
 
