@@ -26,8 +26,10 @@ from tests.campaign.evidence import (
     FLIES,
     NOTICED_S,
     OWN_S,
+    SERVICES,
     STATE_S,
     TASKS,
+    TRANSFERS,
     Breach,
     Case,
     Known,
@@ -143,7 +145,11 @@ def nothing_unasked(case: Case) -> Iterator[Breach]:
         asked = any(
             call.name in FLIES and begins(call) and since_s <= call.began_s <= sent.time_s for call in record.called
         )
-        if not asked:
+        # A service goes on whatever becomes of the flight.
+        is_served = sent.what in TRANSFERS and any(
+            call.name in SERVICES and call.began_s <= sent.time_s <= call.ended_s for call in record.called
+        )
+        if not (asked or is_served):
             mode = "" if sent.mode is None else f" {sent.mode:#x}"
             yield Breach("unasked", sent.time_s, f"{sent.what}{mode} was not asked for since {since_s:.2f}")
 

@@ -289,6 +289,16 @@ def test_a_take_off_that_a_new_fence_ended_had_been_asked_for() -> None:
     assert "unasked" not in rules(record)
 
 
+def test_a_service_goes_on_while_it_is_disarmed_but_moves_nothing() -> None:
+    """Campaign, 1720000000053: it was disarmed while a fence was uploaded."""
+    record = clean()
+    record.sent.append(Sent(34.5, "mission_count"))
+    record.called.append(Called("fence", 31.3, 34.8))
+    assert "unasked" not in rules(record)
+    record.sent.append(Sent(34.6, "take_off"))
+    assert "unasked" in rules(record)
+
+
 # --- mission's owner, no part -----------------------------------------------------------------------------------------
 
 
