@@ -21,6 +21,7 @@ LONGEST_LINK_GAP_S = 10.0
 """After a longer silence the flight may be another one. Within less no UAV lands, is armed again, and takes off."""
 _IN_AIR = (_FLYING_AUTO, State.FLYING_MANUAL, State.TAKING_OFF, State.LANDING)
 """A tuple: each update looks, and the hash of an enumeration's member is a call."""
+_UNKNOWN = "it is not known who flies it"
 _OTHERS = (State.FLYING_MANUAL, State.TAKING_OFF, State.LANDING)
 """States in which others fly where no manoeuvre of UAL is in progress."""
 
@@ -124,7 +125,7 @@ class Authority:
             self.is_ours = self.is_ours and is_sending
         elif state in _OTHERS:
             self.is_ours, self.is_ground_theirs = False, True
-            self._note_taken(snapshot, "it is not known who flies it")  # what UAL has begun may go on
+            self._note_taken(snapshot, _UNKNOWN)  # what UAL has begun may go on
         elif state is _FLYING_AUTO:
             self.is_ground_theirs = not self.is_ours
 
@@ -134,11 +135,12 @@ class Authority:
         `unknown` says it where the autopilot does not tell.
         """
         by, mode = snapshot.control.held_by, snapshot.control.mode
-        if not self._has_flown or mode is None or by is Cause.OPEN or (by is None and self.taken):
+        is_known = by is not None and by is not Cause.OPEN
+        if not self._has_flown or mode is None or (self.taken and not is_known):
             return
         if by is None and snapshot.control.is_of_command:
             unknown = "the autopilot follows a command of UAL from before"
-        self.taken = f"{unknown if by is None else _took(by)} (mode {mode.value.text})"
+        self.taken = f"{_took(by) if by is not None and is_known else unknown} (mode {mode.value.text})"
 
     def _follow_silence(self, snapshot: Snapshot) -> None:
         """Gives the flight up after a long silence."""
@@ -158,3 +160,4 @@ class Authority:
         mode = snapshot.control.mode
         if self._is_in_air and mode is not None and mode.value.control is not Control.REFERENCES:
             self.is_ours, self.is_ground_theirs = False, True
+            self._note_taken(snapshot, _UNKNOWN)
