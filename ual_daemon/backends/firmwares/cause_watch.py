@@ -31,6 +31,10 @@ OWN_EFFECT_S = 1.0
 """Seconds after an order about its mission (start, resumption, jump) within which it may hold by itself for it."""
 MISSION_END_S = 2.5
 """Seconds after the mode that follows a mission within which its end may be reported: PX4 reports it once a second."""
+MISSION_REPORT_S = 0.9
+"""Seconds after that mode until which a report of the mission is waited for, which says whether it has ended. PX4
+reports once a second, and at once where it is asked.
+"""
 STREAM_S = 0.5
 """Seconds without a setpoint of ours after which a failsafe may be for that reason alone. Where it is known how long
 the autopilot waits for them, it is `LOST_SETPOINTS_SHARE` of that.
@@ -116,6 +120,9 @@ class CauseWatch:
         """Time of our last order about its mission."""
         self._ended_s = -math.inf
         """Time of the last report that its mission is complete. It is repeated as long as that is so."""
+        self._reported_s = -math.inf
+        """Time of the last report of its mission, complete or not; minus infinity where none comes."""
+        self._is_report_wanted = False
         self._was_on_mission = False
         """Whether the mode before was that of its missions."""
         self.failing_sensors = 0
@@ -145,8 +152,11 @@ class CauseWatch:
         """Takes note of an order of ours about its mission, which it may end at once, and then holds by itself."""
         self._ordered_s = now_s
 
-    def on_mission_end(self, now_s: float) -> None:
-        """Takes a report that its mission is complete."""
+    def on_mission_report(self, now_s: float, *, is_complete: bool) -> None:
+        """Takes a report of its mission."""
+        self._reported_s = now_s
+        if not is_complete:
+            return
         self._ended_s = now_s
         is_late = now_s - self._since_s <= MISSION_END_S
         if self._is_settled and self._settled is Cause.GROUND_STATION and is_late and self._holds_by_itself():
@@ -221,6 +231,11 @@ class CauseWatch:
         if any(abs(new - old) >= _MOVED_US and _NO_SIGNAL not in (new, old) for new, old in pairs):
             self._switched_s = now_s
         self._switches = switches
+
+    def take_report_request(self) -> bool:
+        """Returns whether to request a report of its mission, once for each mode that may follow from its end."""
+        is_wanted, self._is_report_wanted = self._is_report_wanted, False
+        return is_wanted
 
     # --- What follows from it -----------------------------------------------------------------------------------------
 
@@ -301,6 +316,14 @@ class CauseWatch:
         if mode.name == self._autopilot.hold_mode:
             self._held_s, self._held_before_s = now_s, self._held_s
         self._was_ours, self._is_ours = self._is_ours, mode.control is _REFERENCES
+        self._is_report_wanted = self._may_be_done
+
+    @property
+    def _may_be_done(self) -> bool:
+        """Whether its mission may have ended just now: it is in the mode that follows one."""
+        missions = self._autopilot.missions
+        is_done_mode = missions is not None and self._mode_name == missions.done_mode != missions.mode
+        return is_done_mode and self._was_on_mission
 
     @property
     def _is_unintended(self) -> bool | None:
@@ -331,7 +354,9 @@ class CauseWatch:
             return Cause.OPEN
         if mode.name in self._autopilot.pilots_modes:
             return Cause.SAFETY_PILOT
-        return self._other_than_failsafe()
+        found = self._other_than_failsafe()
+        is_unreported = -math.inf < self._reported_s < self._since_s and now_s - self._since_s <= MISSION_REPORT_S
+        return Cause.OPEN if found is Cause.GROUND_STATION and self._may_be_done and is_unreported else found
 
     def _other_than_failsafe(self) -> Cause | None:
         is_switched = self._switched_s >= self._since_s - SIGN_LEAD_S

@@ -161,9 +161,38 @@ def test_a_hold_as_the_mission_is_complete_is_the_autopilots(
         if step == 300:
             watch.mode = watch.intended = HOLD
         if told_s is not None and step == 300 + round(told_s / STEP_S):
-            watch.causes.on_mission_end(watch.now_s)
+            watch.causes.on_mission_report(watch.now_s, is_complete=True)
         held_by = watch.pass_s(STEP_S, is_sending=True)
     assert held_by is cause
+
+
+@pytest.mark.parametrize(
+    ("told_s", "is_complete", "cause", "by_s"),
+    [
+        (0.7, True, Cause.AUTOPILOT, 0.75),
+        (0.05, False, Cause.GROUND_STATION, 0.45),
+        (0.7, False, Cause.GROUND_STATION, 0.75),
+        (None, False, Cause.GROUND_STATION, 0.95),
+    ],
+)
+def test_a_hold_after_a_mission_is_nobodys_until_its_end_is_reported_or_not(
+    told_s: float | None, cause: Cause, by_s: float, *, is_complete: bool
+) -> None:
+    """Campaign, 1710000000078: the last two items were reached at once, and the end came 0.4 s after the mode."""
+    watch = Px4Watch()
+    watch.mode = watch.intended = 4 << 16 | 4 << 24
+    watch.causes.on_mission_report(watch.now_s, is_complete=False)
+    watch.pass_s(2.0, is_sending=False)
+    watch.mode = watch.intended = HOLD
+    found: list[Cause | None] = []
+    for step in range(100):
+        if told_s is not None and step == round(told_s / STEP_S):
+            watch.causes.on_mission_report(watch.now_s, is_complete=is_complete)
+        found.append(watch.pass_s(STEP_S, is_sending=False))
+        assert watch.causes.take_report_request() is (step == 0)
+    decided_at = next(step for step, each in enumerate(found) if each is not Cause.OPEN)
+    assert decided_at * STEP_S <= by_s
+    assert set(found[decided_at:]) == {cause}
 
 
 @pytest.mark.parametrize(

@@ -113,8 +113,8 @@ class MissionProgressProtocol(Protocol):
         self.heard: MissionNews | None = None
         self.on_order: Callable[[float], object] = lambda _: None
         """Called with the time of each order that makes an item the current one."""
-        self.on_end: Callable[[float], object] = lambda _: None
-        """Called with the time of each report that the mission is complete."""
+        self.on_report: Callable[[float, bool], object] = lambda _, __: None
+        """Called with the time of each report of the mission, and whether that is complete."""
 
     @property
     @override
@@ -170,8 +170,7 @@ class MissionProgressProtocol(Protocol):
         if last is not None and (last.mission_id, last.total) == (mission_id, total):
             news = replace(news, reached=last.reached, reached_s=last.reached_s)  # else it is of another mission
         self.heard = news
-        if state == MissionStage.COMPLETE.value:
-            self.on_end(now_s)
+        self.on_report(now_s, state == MissionStage.COMPLETE.value)
         if self._setting is not None:
             self._setting.on_current(message.seq)
 

@@ -91,7 +91,7 @@ class Discovery(Selector):
             ),
         )
         self.protocols.progress.on_order = self._on_own_order
-        self.protocols.progress.on_end = self._on_mission_end
+        self.protocols.progress.on_report = self._on_mission_report
         self._settings = settings
         self._link = link
         self._setpoints = setpoints
@@ -123,9 +123,9 @@ class Discovery(Selector):
         if self.session is not None:
             self.session.on_own_order(now_s)
 
-    def _on_mission_end(self, now_s: float) -> None:
+    def _on_mission_report(self, now_s: float, is_complete: bool) -> None:
         if self.session is not None:
-            self.session.on_mission_end(now_s)
+            self.session.on_mission_report(now_s, is_complete=is_complete)
 
     def _submit(self, request: LongCommand, now_s: float) -> None:
         if self.session is not None:

@@ -313,9 +313,9 @@ class MavlinkSession:
         """Takes note of an order of ours about its mission, which was sent besides the commands."""
         self._causes.on_own_order(now_s)
 
-    def on_mission_end(self, now_s: float) -> None:
-        """Takes a report of the autopilot that its mission is complete."""
-        self._causes.on_mission_end(now_s)
+    def on_mission_report(self, now_s: float, *, is_complete: bool) -> None:
+        """Takes a report of the autopilot about its mission."""
+        self._causes.on_mission_report(now_s, is_complete=is_complete)
 
     def tick(self, now_s: float) -> None:
         """Does what is due, and what could wait until the last update was published; to be called often."""
@@ -342,6 +342,8 @@ class MavlinkSession:
         is_late = self._heartbeats.is_late(now_s) and self._supervision.watch.state is not LinkWatchState.LOST
         if self._heartbeats.take_request(now_s, is_needed=is_late or self._commands.wants_state(now_s)):
             self._send_command(request_message(mavlink.MAVLINK_MSG_ID_HEARTBEAT))
+        if self._causes.take_report_request():
+            self._send_command(request_message(mavlink.MAVLINK_MSG_ID_MISSION_CURRENT))
         if self.telemetry.mode_names.take_request(now_s):
             self._send_command(request_message(mavlink.MAVLINK_MSG_ID_AVAILABLE_MODES))
         for message_id in self._late_messages.due(now_s, self.telemetry.heard_s):
