@@ -291,6 +291,7 @@ class ArduCopter(Autopilot):
     keeps_parts_of = frozenset({MissionType.MISSION, MissionType.RALLY})
     fence_switches = (FenceSwitch("FENCE_TYPE", _FENCE_POLYGON, is_bit=True), FenceSwitch("FENCE_ENABLE", 1))
     drops_positions_beyond_fence = True  # ModeGuided::set_destination_posvelaccel checks each one
+    keeps_target_of_a_kind = True  # ModeGuided::pva_control_start begins anew, ModeLand::init does not
     # Two more than the corners and circles, or 0 for fewer than 3 of them (AC_PolyFence_loader::write_fence). It comes
     # after each upload, also where it stays the same (measured with 4.6.3).
     zones_parameter = "FENCE_TOTAL"

@@ -138,6 +138,7 @@ class Autopilot(ABC):
     has_zones = False
     """Whether its own fence may have polygons and circles, which it keeps like the items of a mission."""
     drops_positions_beyond_fence = False
+    keeps_target_of_a_kind = False
     """See `ual_daemon.backends.values.VehicleInfo`."""
     missions: MissionCodec | None = None
     """Codec of its missions; None where UAL brings it none."""

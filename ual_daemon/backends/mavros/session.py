@@ -252,6 +252,7 @@ class MavrosSession:
             acceleration_share=autopilot.acceleration_share(parameters),
             velocity_responses=autopilot.velocity_responses(parameters),
             drops_positions_beyond_fence=autopilot.drops_positions_beyond_fence,
+            keeps_target_of_a_kind=autopilot.keeps_target_of_a_kind,
         )
 
     # --- What comes ---------------------------------------------------------------------------------------------------

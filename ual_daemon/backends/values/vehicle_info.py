@@ -118,6 +118,8 @@ class VehicleInfo:
         clearance_m: How far its body, and the air under it, need the ground to be where it does not land.
         drops_positions_beyond_fence: The autopilot ignores positions beyond its own fence, silently, also those that
             lead back inside. It follows velocities there (ArduPilot).
+        keeps_target_of_a_kind: The autopilot leads its own target to the setpoints within its limits, from wherever it
+            is, and begins at the present pose only with a setpoint of another kind (ArduPilot).
         applies_fence: Whether the autopilot applies a fence of its own; None where that is not known, or where UAL
             cannot upload one.
     """
@@ -142,4 +144,5 @@ class VehicleInfo:
     acceleration_share: float = 1.0
     clearance_m: float = 0.5
     drops_positions_beyond_fence: bool = False
+    keeps_target_of_a_kind: bool = False
     applies_fence: bool | None = None

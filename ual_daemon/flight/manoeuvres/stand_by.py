@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from concurrent.futures import Future
 from dataclasses import dataclass
@@ -9,9 +10,9 @@ from dataclasses import dataclass
 from typing_extensions import override
 
 from ual.errors import UalError
-from ual.geometry import Pose, Quaternion
+from ual.geometry import Pose, Quaternion, Vector3
 from ual.types import State
-from ual_daemon.backends.values import Control, PositionSetpoint, Setpoint, Snapshot
+from ual_daemon.backends.values import Control, PositionSetpoint, Setpoint, Snapshot, VelocitySetpoint
 from ual_daemon.flight.autopilot_command import AutopilotCommand
 from ual_daemon.flight.manoeuvres.fly_reference import FlyReference
 from ual_daemon.flight.manoeuvres.manoeuvre import Handover, Step
@@ -24,6 +25,9 @@ from ual_daemon.trajectory import Motion
 
 _STILL_DISTANCE_M = 0.5
 """A UAV that stands still is held where it is while its estimate wanders by less."""
+_ANEW_S = 0.1
+"""Seconds of setpoints of another kind before a landing: several, as one may be lost or not due."""
+_AT_REST = VelocitySetpoint(Vector3())
 
 
 class Here(Reference):
@@ -58,22 +62,31 @@ def _at_rest(snapshot: Snapshot) -> Motion:
 class StandBy(FlyReference):
     """Sends the present pose until control is asked back, which then holds.
 
-    Where the UAV has fallen, a landing follows: silence would lead PX4 to a return.
+    Where the UAV has fallen, a landing follows: silence would lead PX4 to a return. An autopilot that keeps its own
+    target would climb to it, up to 4 m, also in its landing, when the motors work again. So it is given setpoints of
+    another kind at the impact, and again before the landing.
     """
 
     following: Following
     land: Callable[[Snapshot], Handover | None]
     """Makes the landing on the spot; None where there is none."""
+    down_s: float = math.inf
+    """Since when it lies; infinity while it is not known to."""
 
     @override
     def step(self, snapshot: Snapshot, estimate: Estimate) -> Step:
         step = super().step(snapshot, estimate)
         if step.has_ended:
             return step
-        if not self.following.why:  # it follows again, and holds like any other
+        following, keeps_target = self.following, self.rules.backend.info().keeps_target_of_a_kind
+        if not following.why:  # it follows again, and holds like any other
             return Step(has_ended=True, is_to_stop=True)
-        if not self.following.is_down:
-            return step
+        if not following.is_down:
+            self.down_s = math.inf
+            return Step(_AT_REST) if keeps_target and following.has_hit else step
+        self.down_s = min(self.down_s, snapshot.time_s)
+        if keeps_target and snapshot.time_s - self.down_s < _ANEW_S:
+            return step if following.has_hit else Step(_AT_REST)
         landing = self.land(snapshot)
         return step if landing is None else Step(handover=landing)
 

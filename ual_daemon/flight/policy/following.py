@@ -241,6 +241,11 @@ class Following:
         self.may_lie = has_fallen and height_m < near_m
 
     @property
+    def has_hit(self) -> bool:
+        """Whether its fall has ended at the ground, where it may still tumble."""
+        return self.may_lie and self._impact_s != math.inf
+
+    @property
     def is_down(self) -> bool:
         """Whether it has fallen, and lies on the ground."""
         is_level = self._seen_s - self._level_s >= _LEVEL_S

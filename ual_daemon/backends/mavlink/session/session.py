@@ -471,6 +471,7 @@ class MavlinkSession:
             acceleration_share=dialect.acceleration_share(telemetry.parameters),
             velocity_responses=dialect.velocity_responses(telemetry.parameters),
             drops_positions_beyond_fence=dialect.drops_positions_beyond_fence,
+            keeps_target_of_a_kind=dialect.keeps_target_of_a_kind,
             applies_fence=telemetry.fence.is_applied if dialect.fence_switches else None,
         )
 
