@@ -113,7 +113,9 @@ def flight(uav: UAL, pilot: Transmitter) -> Iterator[Flight]:
 
 @pytest.fixture
 def truth(pilot: Transmitter) -> Truth:
-    return Truth(pilot)
+    truth = Truth(pilot)
+    truth.begin_at_rest()
+    return truth
 
 
 @pytest.fixture

@@ -7,12 +7,15 @@ import time
 
 from pymavlink.dialects.v20 import all as mavlink
 
-from tests.sitl.transmitter import Transmitter
+from tests.sitl.transmitter import PATIENCE_S, Transmitter
+from tests.waiting import until
 from ual_daemon.backends.mavlink.wire.messages import Message
 
 FALLS_M_S = 3.0
 """Faster than any descent of these flights."""
 _NEAR_GROUND_M, _AT_REST_M_S = 1.0, 0.3
+_STANDS_S = 0.3
+"""Longer than any moment at rest in a fall."""
 _RATE_HZ = 20.0
 _LATITUDE_M = 111_195.0
 
@@ -23,6 +26,7 @@ class Truth:
     def __init__(self, pilot: Transmitter) -> None:
         self.height_m = self.down_m_s = self.speed_m_s = 0.0
         self.place_deg = (0.0, 0.0)
+        self._at_rest_s: float | None = None
         self._ground_m: float | None = None
         self._pilot = pilot
         self.fell_s: float | None = None
@@ -33,6 +37,14 @@ class Truth:
         is_px4 = self._pilot.autopilot == "PX4"
         wanted = mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION if is_px4 else mavlink.MAVLINK_MSG_ID_SIM_STATE
         self._pilot.listen(wanted, _RATE_HZ, self._take)
+
+    def begin_at_rest(self) -> None:
+        """Begins once it stands: what the test before has disarmed in the air may still fall."""
+        until(lambda: self._stands_s() > _STANDS_S, "that it stands", limit_s=PATIENCE_S)
+        self._ground_m, self.fell_s = None, None
+
+    def _stands_s(self) -> float:
+        return 0.0 if self._at_rest_s is None else time.monotonic() - self._at_rest_s
 
     @property
     def is_down(self) -> bool:
@@ -56,5 +68,7 @@ class Truth:
         if self._ground_m is None:
             self._ground_m = altitude_m
         self.height_m = altitude_m - self._ground_m
+        is_at_rest = math.hypot(self.speed_m_s, self.down_m_s) < _AT_REST_M_S
+        self._at_rest_s = (self._at_rest_s or time.monotonic()) if is_at_rest else None
         if self.fell_s is None and self.down_m_s > FALLS_M_S:
             self.fell_s = time.monotonic()
