@@ -25,7 +25,7 @@ from ual_daemon.trajectory import Motion
 
 _STILL_DISTANCE_M = 0.5
 """A UAV that stands still is held where it is while its estimate wanders by less."""
-_ANEW_S = 0.1
+_RENEWAL_TIME_S = 0.1
 """Seconds of setpoints of another kind before a landing: several, as one may be lost or not due."""
 _AT_REST = VelocitySetpoint(Vector3())
 
@@ -85,7 +85,7 @@ class StandBy(FlyReference):
             self.down_s = math.inf
             return Step(_AT_REST) if keeps_target and following.has_hit else step
         self.down_s = min(self.down_s, snapshot.time_s)
-        if keeps_target and snapshot.time_s - self.down_s < _ANEW_S:
+        if keeps_target and snapshot.time_s - self.down_s < _RENEWAL_TIME_S:
             return step if following.has_hit else Step(_AT_REST)
         landing = self.land(snapshot)
         return step if landing is None else Step(handover=landing)

@@ -103,6 +103,18 @@ def test_a_fall_of_half_a_second_is_found_whenever_it_begins(height_m: float, cl
         assert watched.falls_from(height_m, climbs_m_s, step * LOOK_S / 10.0), step
 
 
+def test_a_fall_that_ends_at_the_ground_has_hit_it() -> None:
+    watched = Watched()
+    assert watched.falls_from(6.0, 0.0, 0.0)
+    watched.following.note_height(0.1, is_ground_known=True)
+    assert watched.following.has_hit
+    watched.following.note_height(6.0, is_ground_known=True)
+    assert not watched.following.has_hit
+    watched.following.release()
+    watched.following.note_height(0.1, is_ground_known=True)
+    assert not watched.following.has_hit
+
+
 @pytest.mark.parametrize("gains_m_s2", [1.0, 3.0, 4.0])
 def test_no_descent_by_an_autopilots_own_acceleration_is_a_fall(gains_m_s2: float) -> None:
     watched = Watched(Control.LAND, "LAND", 30.0)
