@@ -14,9 +14,11 @@ from time import monotonic
 
 import pytest
 
+from tests.campaign.starvation import StarvationWatch
 from tests.sitl.doing import waypoints
 from tests.sitl.flights import Flight
 from tests.sitl.simulators import Simulator
+from tests.sitl.wiretap import Wiretap
 from ual.errors import UalError
 from ual.types import State, Telemetry
 from ual_daemon import UAL
@@ -29,6 +31,8 @@ MISSION_MODES = {"PX4": "AUTO.MISSION", "ArduPilot": "AUTO"}
 SHORT_S = 1.0
 """Seconds for which a mode and its holder may not fit together."""
 OTHERS = ("ground station", "safety pilot")
+SHOWN_S = 6.0
+"""Seconds before a failsafe that are printed."""
 
 
 class Watch:
@@ -40,8 +44,17 @@ class Watch:
         """Failsafe that took the flight, as one of a starved computer: what follows is not judged."""
         self._mode = mode
         self._since_s: float | None = None
+        self.lines: list[tuple[float, str]] = []
+        """When each mode was told, and when the computer did not run this process."""
+        self._told_mode = ""
+
+    def note_starved(self, begun_s: float, ended_s: float) -> None:
+        self.lines.append((ended_s, f"starved within {ended_s - begun_s:.2f} s"))
 
     def on_telemetry(self, told: Telemetry) -> None:
+        if told.flight_mode != self._told_mode:
+            self._told_mode = told.flight_mode
+            self.lines.append((monotonic(), f"{told.flight_mode}, {told.state.name}: {told.state_reason}"))
         if told.health is not None and told.health.failsafe:
             self.failsafe = self.failsafe or told.state_reason
         if self.failsafe:
@@ -65,7 +78,9 @@ class Watch:
         return ""
 
 
-def test_a_mission_stays_ours_whatever_three_threads_command(flight: Flight, uav: UAL, simulator: Simulator) -> None:
+def test_a_mission_stays_ours_whatever_three_threads_command(
+    flight: Flight, uav: UAL, simulator: Simulator, wiretap: Wiretap
+) -> None:
     flight.take_off()
     uav.mission.upload([*waypoints(flight, 0.5, 0, 0.5, 0)])
     watch = Watch(MISSION_MODES[simulator.autopilot])
@@ -87,6 +102,7 @@ def test_a_mission_stays_ours_whatever_three_threads_command(flight: Flight, uav
             try:
                 acts[name]()
                 done[name] += 1
+                watch.lines.append((monotonic(), f"{name} accepted"))
             except UalError as error:
                 refused[f"{name}: {error.reason}"] += 1
                 is_known = "or a failsafe" not in str(error)  # else the cause is not known yet
@@ -95,12 +111,18 @@ def test_a_mission_stays_ours_whatever_three_threads_command(flight: Flight, uav
             threading.Event().wait(random_of.uniform(0.0, 0.8))  # no two flights have the same moments
 
     threads = [threading.Thread(target=command, args=(seed,), name=f"commands {seed}") for seed in range(3)]
+    starvation = StarvationWatch(os.getpid, watch.note_starved)
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
+    starvation.close()
     left_s = max(0.0, until_s - monotonic())
     print(f"{simulator.autopilot}: {DURATION_S - left_s:.0f} s: {dict(done)}; refused: {dict(refused)}")
+    if watch.failsafe:
+        since_s = monotonic() - SHOWN_S
+        shown = [*wiretap.timeline(since_s), *(line for line in watch.lines if line[0] > since_s)]
+        print("\n".join(f"{time_s - since_s:5.2f} s: {text}" for time_s, text in sorted(shown)))
     assert watch.breaches == []
     assert not watch.failsafe
     uav.abort()

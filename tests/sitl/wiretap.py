@@ -34,6 +34,8 @@ _ORDERS = {
 }
 _Setpoint = mavlink.MAVLink_set_position_target_local_ned_message
 _PIECE = 65536
+GAP_S = 0.25
+"""Longer than setpoints are apart."""
 _STATION_ID = 253
 """The system that sends what is injected."""
 
@@ -126,6 +128,22 @@ class Wiretap:
             for message in messages
             if message.get_msgId() in _ORDERS and getattr(message, "command", None) not in _ASKING
         ]
+
+    def timeline(self, since_s: float) -> list[tuple[float, str]]:
+        """Returns when each order left since then, and each end of a time of `GAP_S` without setpoints."""
+        with self._lock:
+            sent = [heard for heard in self._sent if heard.time_s >= since_s]
+        lines: list[tuple[float, str]] = []
+        last_s = since_s
+        for heard in sent:
+            message = heard.message
+            if isinstance(message, _Setpoint):
+                if heard.time_s - last_s > GAP_S:
+                    lines.append((heard.time_s, f"a setpoint, after {heard.time_s - last_s:.2f} s"))
+                last_s = heard.time_s
+            elif message.get_msgId() in _ORDERS and getattr(message, "command", None) not in _ASKING:
+                lines.append((heard.time_s, str(message)))
+        return lines
 
     def _note(self, data: bytes) -> None:
         if self._ears is not None:
