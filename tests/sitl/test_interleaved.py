@@ -31,8 +31,9 @@ MISSION_MODES = {"PX4": "AUTO.MISSION", "ArduPilot": "AUTO"}
 SHORT_S = 1.0
 """Seconds for which a mode and its holder may not fit together."""
 OTHERS = ("ground station", "safety pilot")
-SHOWN_S = 6.0
-"""Seconds before a failsafe that are printed."""
+CHOSEN = ("start", "pause", "resume", "abort", "jump", "start")
+SHOWN_S, MOST_SHOWN = 6.0, 3
+"""Seconds that are printed before a failsafe, and before some of the times at which the autopilot held by itself."""
 
 
 class Watch:
@@ -93,17 +94,25 @@ def test_a_mission_stays_ours_whatever_three_threads_command(
         "resume": uav.mission.resume,
         "abort": uav.abort,
         "jump": lambda: uav.mission.jump_to(chosen.randint(1, 4)),
+        "recover": uav.recover_from_manual,
     }
+
+    def holds_by_itself() -> bool:
+        """Returns whether the autopilot does, as after a mission whose last item was jumped to."""
+        told = uav.telemetry()
+        held_by = "" if told.health is None else told.health.held_by
+        return told.state is State.FLYING_MANUAL and told.flight_mode == simulator.own_hold and held_by not in OTHERS
 
     def command(seed: int) -> None:
         random_of = random.Random(seed)
         while monotonic() < until_s and not watch.failsafe:
-            name = random_of.choice([*acts, "start"])
+            name = "recover" if holds_by_itself() else random_of.choice(CHOSEN)
             try:
                 acts[name]()
                 done[name] += 1
                 watch.lines.append((monotonic(), f"{name} accepted"))
             except UalError as error:
+                watch.lines.append((monotonic(), f"{name} refused: {error}"))
                 refused[f"{name}: {error.reason}"] += 1
                 is_known = "or a failsafe" not in str(error)  # else the cause is not known yet
                 if is_known and any(each in str(error) for each in OTHERS):
@@ -119,12 +128,22 @@ def test_a_mission_stays_ours_whatever_three_threads_command(
     starvation.close()
     left_s = max(0.0, until_s - monotonic())
     print(f"{simulator.autopilot}: {DURATION_S - left_s:.0f} s: {dict(done)}; refused: {dict(refused)}")
+    held = f"{simulator.own_hold}, {State.FLYING_MANUAL.name}"
+    for end_s in [time_s for time_s, text in watch.lines if held in text][:MOST_SHOWN]:
+        _show(wiretap, watch, end_s)
     if watch.failsafe:
-        since_s = monotonic() - SHOWN_S
-        shown = [*wiretap.timeline(since_s), *(line for line in watch.lines if line[0] > since_s)]
-        print("\n".join(f"{time_s - since_s:5.2f} s: {text}" for time_s, text in sorted(shown)))
+        _show(wiretap, watch, monotonic())
     assert watch.breaches == []
     assert not watch.failsafe
+    if holds_by_itself():
+        uav.recover_from_manual()
     uav.abort()
     flight.wait_for_state(State.FLYING_AUTO)
     flight.wait_for(lambda: uav.velocity().twist.linear.norm() < 0.5, "its stop", 10.0)
+
+
+def _show(wiretap: Wiretap, watch: Watch, end_s: float) -> None:
+    """Prints what led to a moment."""
+    since_s = end_s - SHOWN_S
+    lines = sorted(line for line in [*wiretap.timeline(since_s), *watch.lines] if since_s < line[0] < end_s + 1.0)
+    print("\n".join([f"{SHOWN_S:.0f} s before:", *(f"{time_s - since_s:5.2f} s: {text}" for time_s, text in lines)]))
