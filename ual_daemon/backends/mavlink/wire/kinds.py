@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import struct
-from collections.abc import Mapping
-from functools import cached_property
+from collections import namedtuple
+from collections.abc import Callable, Mapping
+from functools import cached_property, partial
 from typing import Any, NamedTuple, TypeAlias
 
 Message: TypeAlias = Any
@@ -20,11 +21,21 @@ class MessageHeader(NamedTuple):
     srcComponent: int  # noqa: N815
 
 
-class MavlinkMessage:
-    """A message: one to be sent, or a received one with its header. Its methods are named as pymavlink's."""
+class MavlinkMessage(tuple[Any, ...]):
+    """A message: one to be sent, or a received one. Its methods are named as pymavlink's.
 
+    It has its values as on the wire, its content as it came, and its header. Each kind has a class of its own, with the
+    fields as attributes (`MessageKind.message_class`).
+    """
+
+    __slots__ = ()
     _kind: MessageKind
-    _header: MessageHeader
+
+    @property
+    def content(self) -> bytes:
+        """Its content as it came: the bytes of a parameter may be no number of Python's. Empty where it is sent."""
+        content: bytes = self[-2]
+        return content
 
     def __repr__(self) -> str:
         return f"{self._kind.name} { {name: getattr(self, name) for name in self._kind.layout.fields} }"
@@ -47,28 +58,23 @@ class MavlinkMessage:
 
     def get_header(self) -> MessageHeader:
         """Returns the header with which it was received."""
-        return self._header
+        return MessageHeader(*self[-1])
 
     def get_seq(self) -> int:
         """Returns the sequence number with which it was received."""
-        return self._header.seq
+        return self.get_header().seq
 
     def get_srcSystem(self) -> int:  # noqa: N802
         """Returns the system from which it was received."""
-        return self._header.srcSystem
+        return self.get_header().srcSystem
 
     def get_srcComponent(self) -> int:  # noqa: N802
         """Returns the component from which it was received."""
-        return self._header.srcComponent
+        return self.get_header().srcComponent
 
     def get_payload(self) -> bytes:
         """Returns its content as bytes, with all zeros at the end."""
-        layout = self._kind.layout
-        values: list[Any] = []
-        for name in layout.ordered:
-            value = getattr(self, name)
-            values.extend(value) if name in layout.array_names else values.append(value)
-        return layout.payload.pack(*values)
+        return self._kind.layout.payload.pack(*self[:-2])
 
 
 class _Layout(NamedTuple):
@@ -80,10 +86,14 @@ class _Layout(NamedTuple):
     payload: struct.Struct
     ordered: tuple[str, ...]
     names: tuple[str, ...]
-    arrays: tuple[tuple[str, int, int], ...]
-    """For each array where its values begin and end."""
-    array_names: frozenset[str]
-    texts: tuple[str, ...]
+    arrays: Mapping[str, slice]
+    """The places of the values of each array."""
+    texts: Mapping[str, int]
+    """The place of each text."""
+
+
+_Reader: TypeAlias = tuple[Callable[[bytes], tuple[Any, ...]], int, type[MavlinkMessage]]
+"""A layout's unpacking, its size, and the class of the messages."""
 
 
 class MessageKind:
@@ -98,6 +108,7 @@ class MessageKind:
         self.name = name
         self.crc_extra = crc_extra
         self._definition = definition
+        self._reader: _Reader | None = None
 
     def __call__(self, *values: Any, **named: Any) -> Message:  # noqa: ANN401
         """Makes a message of the values of its fields, in the order of their definition or by their names."""
@@ -106,10 +117,10 @@ class MessageKind:
         fields = {**layout.extensions, **given}
         if len(given) != len(values) + len(named) or fields.keys() != set(layout.fields):
             raise TypeError(f"{self.name} has the fields {', '.join(layout.fields)}, not these: {values} {named}")
-        message = MavlinkMessage()
-        message.__dict__ |= fields
-        message._kind = self  # noqa: SLF001  one module
-        return message
+        found: list[Any] = []
+        for name in layout.ordered:
+            found.extend(fields[name]) if name in layout.arrays else found.append(fields[name])
+        return self.message_class((*found, b"", (self.id, 0, 0, 0)))
 
     @cached_property
     def layout(self) -> _Layout:
@@ -118,11 +129,13 @@ class MessageKind:
         # The largest fields first, but extensions last, in their order.
         ordered = [*sorted(base, key=lambda field: -struct.calcsize(f"<{field[1][-1]}")), *further]
         names: list[str] = []
-        arrays = []
+        arrays, texts = {}, {}
         for name, code in ordered:
             count = int(code[:-1] or 1) if code[-1] != "s" else 1
-            if code[:-1] and code[-1] != "s":
-                arrays.append((name, len(names), len(names) + count))
+            if code[-1] == "s":
+                texts[name] = len(names)
+            elif code[:-1]:
+                arrays[name] = slice(len(names), len(names) + count)
             names += [name] * count
         empty = {name: b"" if code[-1] == "s" else (0,) * int(code[:-1]) if code[:-1] else 0 for name, code in further}
         return _Layout(
@@ -131,26 +144,37 @@ class MessageKind:
             struct.Struct("<" + "".join(code for _, code in ordered)),
             tuple(name for name, _ in ordered),
             tuple(names),
-            tuple(arrays),
-            frozenset(name for name, _, _ in arrays),
-            tuple(name for name, code in ordered if code[-1] == "s"),
+            arrays,
+            texts,
         )
 
-    def read(self, payload: bytes, header: tuple[int, int, int, int]) -> Message:
-        """Returns the message of this kind with the content and the `MessageHeader` of a frame.
-
-        One with texts has its `content` as it came: the bytes of a parameter may be no number of Python's.
-        """
+    @cached_property
+    def message_class(self) -> type[MavlinkMessage]:
+        """The class of its messages. An array and a text are made when they are asked for."""
         layout = self.layout
-        values = layout.payload.unpack_from(payload.ljust(layout.payload.size, b"\0"))
-        message = object.__new__(MavlinkMessage)
-        fields = message.__dict__ = dict(zip(layout.names, values, strict=True))
-        for name, begin, end in layout.arrays:
-            fields[name] = list(values[begin:end])
-        if layout.texts:
-            fields["content"] = payload
-        for name in layout.texts:
-            fields[name] = fields[name].split(b"\0", 1)[0].decode("ascii", errors="replace")
-        fields["_header"] = tuple.__new__(MessageHeader, header)  # as `MessageHeader(*header)` does, one call less
-        fields["_kind"] = self
-        return message
+        # An array has its name several times: the later ones get names of their own.
+        values: Any = namedtuple(self.name, layout.names, rename=True)  # type: ignore[misc]  # noqa: PYI024
+        fields = {name: vars(values)[name] for name in values._fields}
+        fields |= {name: property(partial(_array, at)) for name, at in layout.arrays.items()}
+        fields |= {name: property(partial(_text, at)) for name, at in layout.texts.items()}
+        return type(self.name, (MavlinkMessage,), {"__slots__": (), "_kind": self, **fields})
+
+    def read(self, payload: bytes, header: tuple[int, int, int, int]) -> Message:
+        """Returns the message of this kind with the content and the `MessageHeader` of a frame."""
+        unpack, size, message_class = self._reader or self._make_reader()
+        whole = payload if len(payload) >= size else payload.ljust(size, b"\0")
+        return message_class(unpack(whole) + (payload, header))  # noqa: RUF005  half of the instructions
+
+    def _make_reader(self) -> _Reader:
+        payload = self.layout.payload
+        reader = self._reader = payload.unpack_from, payload.size, self.message_class
+        return reader
+
+
+def _array(place: slice, message: MavlinkMessage) -> list[Any]:
+    return list(message[place])
+
+
+def _text(place: int, message: MavlinkMessage) -> str:
+    text: bytes = message[place]
+    return text.split(b"\0", 1)[0].decode("ascii", errors="replace")
