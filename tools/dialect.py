@@ -21,8 +21,10 @@ BACKEND = Path(__file__).resolve().parents[1] / "ual_daemon" / "backends" / "mav
 DIALECT = BACKEND / "wire" / "dialect.py"
 _NEWER = {
     397: 'MessageKind(397, "COMPONENT_METADATA", 182, "time_boot_ms:I file_crc:I uri:100s")',
+    410: 'MessageKind(410, "EVENT", 160, "destination_component:B destination_system:B id:I event_time_boot_ms:I '
+    'sequence:H log_levels:B arguments:40B")',
 }
-"""Messages that pymavlink does not have yet."""
+"""Messages that pymavlink does not have."""
 _NEWER_FIELDS = {
     "MISSION_ACK": "opaque_id:I",
     "MISSION_COUNT": "opaque_id:I",

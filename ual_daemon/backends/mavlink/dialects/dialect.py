@@ -13,7 +13,7 @@ from ual_daemon.backends.firmwares.autopilot import NO_PARAMETERS, Autopilot, ve
 from ual_daemon.backends.firmwares.px4_events import Event
 from ual_daemon.backends.mavlink.dialects.command_long import LongCommand, arm_or_disarm
 from ual_daemon.backends.mavlink.dialects.parameter_codec import ParameterCodec
-from ual_daemon.backends.mavlink.wire.frames import MavlinkFrame, MessageSource
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import ExternalPose, Freshness, Setpoint, Snapshot
 
@@ -79,9 +79,9 @@ class Dialect(Autopilot):
         """Returns the value in a PARAM_VALUE; None for a type that the autopilot is not known to send."""
         return float(message.param_value) if message.param_type == mavlink.MAV_PARAM_TYPE_REAL32 else None
 
-    def event(self, frame: MavlinkFrame, mode: str) -> Event | None:
-        """Returns the content of a frame of PX4's event interface, in the mode of this name; None where this autopilot
-        has no such interface.
+    def event(self, message: Message, mode: str) -> Event | None:
+        """Returns the content of a message of PX4's event interface, in the mode of this name; None where this
+        autopilot has no such interface.
         """
         return None
 

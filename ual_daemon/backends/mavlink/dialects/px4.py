@@ -27,15 +27,13 @@ from ual_daemon.backends.mavlink.dialects.dialect import Dialect
 from ual_daemon.backends.mavlink.dialects.external_pose import encode_odometry
 from ual_daemon.backends.mavlink.dialects.parameter_codec import ByteWise
 from ual_daemon.backends.mavlink.dialects.position_target import encode_position_target
-from ual_daemon.backends.mavlink.wire.frames import MavlinkFrame, MessageSource
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
 from ual_daemon.backends.mavlink.wire.messages import Message, mavlink
 from ual_daemon.backends.values import ExternalPose, Setpoint, Snapshot
 
 _CANCELLED = 6
 """Of MAV_RESULT; pymavlink has no name for it."""
 _AUTO, _OFFBOARD, _SUB_LOITER, _SUB_MISSION = 4, 6, 3, 4
-_EVENT = struct.Struct("<IIHBBB40s")
-"""EVENT on the wire: id, time since boot, sequence, destination component and system, log levels, arguments."""
 
 
 class Px4(px4.Px4, Dialect):
@@ -86,10 +84,9 @@ class Px4(px4.Px4, Dialect):
         return float(value)
 
     @override
-    def event(self, frame: MavlinkFrame, mode: str) -> Event:
-        payload = frame.payload.ljust(_EVENT.size, b"\0")
-        number, boot_ms, _, _, _, levels, arguments = _EVENT.unpack_from(payload)
-        return px4_events.read(number, boot_ms / 1000.0, levels, arguments, mode)
+    def event(self, message: Message, mode: str) -> Event:
+        boot_s, arguments = message.event_time_boot_ms / 1000.0, bytes(message.arguments)
+        return px4_events.read(message.id, boot_s, message.log_levels, arguments, mode)
 
     @override
     def encode_setpoint(

@@ -57,8 +57,8 @@ from ual_daemon.backends.mavlink.session.shape import Shape
 from ual_daemon.backends.mavlink.session.supervision import LinkCounts
 from ual_daemon.backends.mavlink.session.telemetry import AutopilotTelemetry
 from ual_daemon.backends.mavlink.settings import MavlinkSettings
-from ual_daemon.backends.mavlink.wire.frames import MavlinkFrame, MessageSource
-from ual_daemon.backends.mavlink.wire.messages import EVENT_ID, Message, mavlink, member_name
+from ual_daemon.backends.mavlink.wire.frames import MessageSource
+from ual_daemon.backends.mavlink.wire.messages import Message, mavlink, member_name
 from ual_daemon.backends.mavlink.wire.sender import Sender
 from ual_daemon.backends.mavlink.wire.signing import KEY_MISSING
 from ual_daemon.backends.values import Snapshot, VehicleInfo
@@ -205,17 +205,15 @@ class MavlinkSession:
             mavlink.MAVLINK_MSG_ID_TIMESYNC: self._on_timesync,
             mavlink.MAVLINK_MSG_ID_PARAM_VALUE: self._on_parameter,
             mavlink.MAVLINK_MSG_ID_POSITION_TARGET_LOCAL_NED: self._on_target,
+            mavlink.MAVLINK_MSG_ID_EVENT: self._on_event,
         }
         """Handlers of messages, which are called after `telemetry` has taken their values."""
         self._own_decoded_ids = self.decoded_ids = frozenset(self.telemetry.decoded_ids | self._handlers.keys())
-        """Ids of the messages that are worth decoding; of others, but `used_ids`, only the arrival counts."""
-        self.used_ids = self.decoded_ids | {EVENT_ID}
-        """An attribute, as each frame asks."""
+        """Ids of the messages that are worth decoding; of others only the arrival counts."""
         self._payload_messages.listen_by(self._decode_also)
 
     def _decode_also(self, wanted_ids: frozenset[int]) -> None:
         self.decoded_ids = self._own_decoded_ids | wanted_ids
-        self.used_ids = self.decoded_ids | {EVENT_ID}
 
     @property
     def mission_news(self) -> MissionNews | None:
@@ -228,35 +226,40 @@ class MavlinkSession:
         return self._heartbeats.is_wanted or self._commands.is_any_pending
 
     def on_message(
-        self, frame: MavlinkFrame, message: Message | None, address: Address | None, now_s: float, utc_now_s: float
+        self,
+        message_id: int,
+        sequence: int,
+        message: Message,
+        address: Address | None,
+        now_s: float,
+        utc_now_s: float,
+        is_signed: bool,
     ) -> None:
-        """Takes a frame of this autopilot, and its content where that is decoded."""
-        self._supervision.on_frame(frame.sequence, now_s)
-        self._signs = frame.is_signed
-        boot_ms = getattr(message, "time_boot_ms", 0) if frame.message_id in _LIVE_IDS else 0  # 0: it is not known
-        identity, is_foreign = self.identity, False
+        """Takes a message of this autopilot."""
+        identity, telemetry, is_foreign = self.identity, self.telemetry, False
+        self._supervision.on_frame(sequence, now_s)
+        self._signs = is_signed
         if address == identity.address:  # nearly always: as `on_frame`, without a call
-            identity.sequence = frame.sequence
+            identity.sequence = sequence
         else:
-            identity.on_frame(frame.sequence, address, now_s)
+            identity.on_frame(sequence, address, now_s)
+        boot_ms = message.time_boot_ms if message_id in _LIVE_IDS else 0  # 0: it is not known
         if boot_ms > 0:
             identity.on_boot_time(boot_ms / 1000.0, now_s)
-        if frame.message_id == _HEARTBEAT and message is not None:
+        elif message_id == _HEARTBEAT:
             is_foreign = self._identify(message, now_s)
-        if identity.conflict != self.telemetry.conflict:
+        if identity.conflict != telemetry.conflict:
             self._follow_conflict(now_s)
         if identity.conflict or self.successor is not None or is_foreign:
-            self.telemetry.on_frame(frame.sequence, now_s)
-        elif message is None:
-            self._on_undecoded(frame, now_s)
+            telemetry.on_frame(sequence, now_s)
         else:
-            self._on_decoded(frame, message, boot_ms, now_s, utc_now_s)
+            self._on_content(message_id, sequence, message, boot_ms, now_s, utc_now_s)
 
-    def on_unused(self, message_id: int, sequence: int, address: Address | None, now_s: float) -> None:
+    def on_unused(self, message_id: int, sequence: int, address: Address | None, now_s: float, is_signed: bool) -> None:
         """Takes note of a frame whose content is not used: its number and where it came from count."""
         identity, telemetry = self.identity, self.telemetry
         self._supervision.on_frame(sequence, now_s)
-        self._signs = False
+        self._signs = is_signed
         if address == identity.address:  # as in `on_message`
             identity.sequence = sequence
         else:
@@ -482,7 +485,9 @@ class MavlinkSession:
         uid = bytes(version.uid2).rstrip(b"\0").hex() or f"{version.uid:x}"
         return f"{self.dialect.name} {self.system_id} {uid}"
 
-    def _on_decoded(self, frame: MavlinkFrame, message: Message, boot_ms: int, now_s: float, utc_now_s: float) -> None:
+    def _on_content(
+        self, message_id: int, sequence: int, message: Message, boot_ms: int, now_s: float, utc_now_s: float
+    ) -> None:
         telemetry = self.telemetry
         if boot_ms > 0 and self._supervision.on_boot_time(boot_ms / 1000.0, now_s):
             telemetry.discard_boot(self._supervision.watch.begin_boot())
@@ -491,28 +496,24 @@ class MavlinkSession:
             self._heartbeats.want()
             self.restart_setup()
         elif boot_ms > 0 and (self._supervision.watch.is_boot_doubtful or self._supervision.watch.is_boot_foreign):
-            telemetry.on_frame(frame.sequence, now_s)
+            telemetry.on_frame(sequence, now_s)
             return
-        telemetry.on_frame(frame.sequence, now_s)
-        telemetry.on_content(frame.message_id, message, now_s, utc_now_s)
+        telemetry.on_frame(sequence, now_s)
+        telemetry.on_content(message_id, message, now_s, utc_now_s)
         if telemetry.is_mode_doubtful:
             telemetry.is_mode_doubtful = False
             self._heartbeats.want()
         if telemetry.origin.is_wanted:
             telemetry.origin.is_wanted = False
             self._request_origin(now_s)
-        handler = self._handlers.get(frame.message_id)
+        handler = self._handlers.get(message_id)
         if handler is not None:
             handler(message, now_s, utc_now_s)
         if self._payload_messages.ids:
             self._payload_messages.on_message(message, now_s)
 
-    def _on_undecoded(self, frame: MavlinkFrame, now_s: float) -> None:
-        """Takes a message that no dialect has, or that is not used."""
-        self.telemetry.on_frame(frame.sequence, now_s)
-        if self._fit.is_high and frame.message_id != EVENT_ID:
-            self._unused_ids.add(frame.message_id)
-        event = self.dialect.event(frame, self.telemetry.mode_name) if frame.message_id == EVENT_ID else None
+    def _on_event(self, message: Message, now_s: float, _: float) -> None:
+        event = self.dialect.event(message, self.telemetry.mode_name)
         # PX4 repeats its last events when any program requests them, and every listener receives the repetitions.
         if event is not None and event.boot_s >= self._supervision.watch.boot_s - OLD_EVENT_S:
             # PX4 reports arming, disarming and failsafes by an event at once, in a heartbeat up to 1 s later.

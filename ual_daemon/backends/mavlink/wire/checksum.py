@@ -11,7 +11,6 @@ _EXTRA = {message_id: kind.crc_extra for message_id, kind in mavlink_map.items()
     # would count as corrupt and its sequence number as lost. All but 412 and 413 are verified with recorded flights.
     8: 117,  # LINK_NODE_STATUS
     380: 232,  # TIME_ESTIMATE_TO_TARGET
-    410: 160,  # EVENT
     411: 106,  # CURRENT_EVENT_SEQUENCE
     412: 33,  # REQUEST_EVENT
     413: 77,  # RESPONSE_EVENT_ERROR

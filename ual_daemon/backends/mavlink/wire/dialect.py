@@ -913,6 +913,7 @@ MAVLINK_MSG_ID_CANFD_FRAME = 387
 MAVLINK_MSG_ID_CAN_FILTER_MODIFY = 388
 MAVLINK_MSG_ID_ONBOARD_COMPUTER_STATUS = 390
 MAVLINK_MSG_ID_COMPONENT_METADATA = 397
+MAVLINK_MSG_ID_EVENT = 410
 MAVLINK_MSG_ID_RADIO_RC_CHANNELS = 420
 MAVLINK_MSG_ID_AVAILABLE_MODES = 435
 MAVLINK_MSG_ID_CURRENT_MODE = 436
@@ -1990,6 +1991,12 @@ MAVLink_onboard_computer_status_message = MessageKind(
     "time_usec:Q uptime:I type:B cpu_cores:8B cpu_combined:10B gpu_cores:4B gpu_combined:10B temperature_board:b temperature_core:8b fan_speed:4h ram_usage:I ram_total:I storage_type:4I storage_usage:4I storage_total:4I link_type:6I link_tx_rate:6I link_rx_rate:6I link_tx_max:6I link_rx_max:6I|status_flags:H",
 )
 MAVLink_component_metadata_message = MessageKind(397, "COMPONENT_METADATA", 182, "time_boot_ms:I file_crc:I uri:100s")
+MAVLink_event_message = MessageKind(
+    410,
+    "EVENT",
+    160,
+    "destination_component:B destination_system:B id:I event_time_boot_ms:I sequence:H log_levels:B arguments:40B",
+)
 MAVLink_radio_rc_channels_message = MessageKind(
     420,
     "RADIO_RC_CHANNELS",

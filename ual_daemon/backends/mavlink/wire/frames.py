@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import re
-import struct
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -13,11 +12,12 @@ from ual_daemon.backends.mavlink.wire import checksum
 
 MAGIC_V1, MAGIC_V2 = 0xFE, 0xFD
 _MAGICS = (b"\xfd", b"\xfe")
-_HEADER_V1, _HEADER_V2 = 6, 10
-_read_header = struct.Struct("<HBxBHHB").unpack_from
-"""Of MAVLink 2: magic and length, flags, sequence, system and component, and the id in two parts."""
-_seed_of, _crc = checksum.seed_of, checksum.crc
+_HEADER_V1, HEADER_BYTES = 6, 10
+"""Bytes before the content, of MAVLink 1 and 2."""
+_crc = checksum.crc
 _CHECKSUM, _SIGNATURE = 2, 13
+_PLAIN_BYTES = HEADER_BYTES + _CHECKSUM
+"""A frame of MAVLink 2 that is not signed, without its content."""
 _SIGNED_FLAG = 0x01
 
 
@@ -140,25 +140,16 @@ class FrameReader:
             return self.read_beginning(datagram)
         return self._read_pieces(datagram, source)
 
-    def plain(self, datagram: bytes, source: MessageSource) -> int:
-        """Takes a datagram that is one valid frame, of MAVLink 2, of a source, not signed: nearly each one is.
-
-        Returns its message id times 256, plus its sequence number. -1 for any other datagram, which is not taken.
+    def is_plain(self, datagram: bytes, seed: bytes) -> bool:
+        """Takes a datagram that is one valid frame of MAVLink 2, not signed: nearly each one is. Its message has this
+        seed. Returns False for any other datagram, which is not taken.
         """
-        size = len(datagram)
-        if size < 12:
-            return -1
-        begin, flags, sequence, sender, low, high = _read_header(datagram)
-        # The magic byte and the length, and one sender in one number.
-        if begin != MAGIC_V2 | size - 12 << 8 or flags or sender != source[0] | source[1] << 8:
-            return -1
-        message_id = low | high << 16
-        seed = _seed_of(message_id)  # as `checksum.is_valid`, without a call
-        if seed is None or _crc(datagram[1:-2] + seed) != datagram[-2] | datagram[-1] << 8:
-            return -1
+        if datagram[0] != MAGIC_V2 or datagram[1] != len(datagram) - _PLAIN_BYTES or datagram[2]:
+            return False
+        if _crc(datagram[1:-_CHECKSUM] + seed) != datagram[-2] | datagram[-1] << 8:  # as `checksum.is_valid`
+            return False
         self._is_in_garbage = False
-        found: int = message_id << 8 | sequence
-        return found
+        return True
 
     def read_beginning(self, datagram: bytes) -> list[MavlinkFrame]:
         """Returns the frames with which a datagram begins, without a search: for one that is likely not for us."""
@@ -351,12 +342,12 @@ def _size_at(data: bytes, at: int) -> int | None:
             return None
         length = data[at + 1]
         return _HEADER_V1 + length + _CHECKSUM if length <= checksum.longest_v1(data[at + 5]) else 0
-    if len(data) - at < _HEADER_V2:
+    if len(data) - at < HEADER_BYTES:
         return None
     if data[at + 7] | data[at + 8] << 8 | data[at + 9] << 16 not in checksum.KNOWN_IDS:
         return 0
     # Its length says nothing: zeros at the end are omitted, and a newer autopilot may add fields that we do not know.
-    return _HEADER_V2 + data[at + 1] + _CHECKSUM + (_SIGNATURE if data[at + 2] & _SIGNED_FLAG else 0)
+    return HEADER_BYTES + data[at + 1] + _CHECKSUM + (_SIGNATURE if data[at + 2] & _SIGNED_FLAG else 0)
 
 
 def _frame(data: bytes) -> MavlinkFrame | None:
@@ -368,11 +359,11 @@ def _frame(data: bytes) -> MavlinkFrame | None:
         if len(data) == end + _CHECKSUM and checksum.is_valid(message_id, data, end):
             return MavlinkFrame(message_id, data[3], data[4], data[2], False, data, data[_HEADER_V1:end])
         return None
-    is_signed, end = bool(data[2] & _SIGNED_FLAG), _HEADER_V2 + data[1]
+    is_signed, end = bool(data[2] & _SIGNED_FLAG), HEADER_BYTES + data[1]
     if data[2] & ~_SIGNED_FLAG or len(data) != end + _CHECKSUM + _SIGNATURE * is_signed:
         return None
     message_id = data[7] | data[8] << 8 | data[9] << 16
     if checksum.is_valid(message_id, data, end):
-        found = message_id, data[5], data[6], data[4], is_signed, data, data[_HEADER_V2:end]
+        found = message_id, data[5], data[6], data[4], is_signed, data, data[HEADER_BYTES:end]
         return tuple.__new__(MavlinkFrame, found)  # as `MavlinkFrame(*found)` does, one call less
     return None

@@ -153,8 +153,8 @@ class MessageKind:
         """The class of its messages. An array and a text are made when they are asked for."""
         layout = self.layout
         # An array has its name several times: the later ones get names of their own.
-        values: Any = namedtuple(self.name, layout.names, rename=True)  # type: ignore[misc]  # noqa: PYI024
-        fields = {name: vars(values)[name] for name in values._fields}
+        getters = vars(namedtuple(self.name, layout.names, rename=True))  # noqa: PYI024
+        fields: dict[str, Any] = {name: getters[name] for name in getters["_fields"]}
         fields |= {name: property(partial(_array, at)) for name, at in layout.arrays.items()}
         fields |= {name: property(partial(_text, at)) for name, at in layout.texts.items()}
         return type(self.name, (MavlinkMessage,), {"__slots__": (), "_kind": self, **fields})

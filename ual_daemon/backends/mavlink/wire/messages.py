@@ -13,11 +13,8 @@ from ual_daemon.backends.mavlink.wire.kinds import Message, MessageKind
 from ual_daemon.backends.mavlink.wire.signing import Signer
 
 __all__ = [
-    "EVENT_ID", "Codec", "Message", "TargetMessage", "VelocityTarget", "mavlink", "member_name", "message_name",
+    "Codec", "Message", "TargetMessage", "VelocityTarget", "mavlink", "member_name", "message_name",
 ]  # fmt: skip
-
-EVENT_ID = 410
-"""The message of PX4's event interface, which no dialect has."""
 
 _HEADER = struct.Struct("<BBBBBBHB")
 """The header after the magic byte: length of the content, incompatible and compatible flags, sequence, system,

@@ -5,10 +5,12 @@ from __future__ import annotations
 import logging
 import math
 from collections.abc import Set as AbstractSet
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 from ual_daemon.backends.mavlink.links import Address, MessageTransport
-from ual_daemon.backends.mavlink.wire.frames import FrameReader, MavlinkFrame, MessageSource
+from ual_daemon.backends.mavlink.wire import checksum
+from ual_daemon.backends.mavlink.wire.frames import HEADER_BYTES, FrameReader, MavlinkFrame, MessageSource
+from ual_daemon.backends.mavlink.wire.kinds import MessageKind
 from ual_daemon.backends.mavlink.wire.messages import Codec, Message, mavlink
 from ual_daemon.backends.mavlink.wire.signing import KEY_MISSING, SignatureVerdict, Signer
 from ual_daemon.backends.mavlink.wire.untaken import Untaken
@@ -24,24 +26,32 @@ INCOMPLETE_FRAME_S = 0.5
 """Seconds after which bytes that begin like a frame and are not completed count as no frame."""
 
 
+_Route: TypeAlias = tuple[int, bytes, MessageKind | None, int, int]
+"""Of the frames with one sender and one message: its id, its checksum's seed, its kind where it is decoded, the system
+and the component."""
+
+
 class MessageHandler(Protocol):
     """Takes the messages of the selected autopilot."""
 
     @property
     def decoded_ids(self) -> AbstractSet[int]:
-        """Ids of the messages that are worth decoding."""
-
-    @property
-    def used_ids(self) -> AbstractSet[int]:
-        """The same, and those that are taken without being decoded (`EVENT_ID`). Each frame asks."""
+        """Ids of the messages that are worth decoding. Where they change it is another set; each frame asks."""
 
     def on_message(
-        self, frame: MavlinkFrame, message: Message | None, address: Address | None, now_s: float, utc_now_s: float
+        self,
+        message_id: int,
+        sequence: int,
+        message: Message,
+        address: Address | None,
+        now_s: float,
+        utc_now_s: float,
+        is_signed: bool,
     ) -> None:
-        """Takes a checked frame, its content where that is decoded, and where it came from."""
+        """Takes the content of a checked frame, its number, and where it came from."""
 
-    def on_unused(self, message_id: int, sequence: int, address: Address | None, now_s: float) -> None:
-        """Takes note of a checked frame whose content is not used, and which is no event: only its arrival counts."""
+    def on_unused(self, message_id: int, sequence: int, address: Address | None, now_s: float, is_signed: bool) -> None:
+        """Takes note of a checked frame whose content is not used: only its arrival counts."""
 
 
 class Selector(Protocol):
@@ -105,6 +115,10 @@ class Receiver:
         self._is_plain = signer is None and not link.is_stream
         self._handler: MessageHandler | None = None
         self._reader = FrameReader()
+        self._routes: dict[bytes, _Route] = {}
+        """Those of the selected autopilot's messages, by the part of a frame's header with its sender and the id."""
+        self._routed_ids: AbstractSet[int] = frozenset()
+        """The decoded ids by which they were made."""
         self._peer_received_s = -math.inf
         self._utc_offset_s = 0.0
         self._logged: set[str] = set()
@@ -119,18 +133,22 @@ class Receiver:
 
         `now_s` is the backend's clock, `utc_now_s` the same moment as UTC.
         """
-        reader, peer, handler, source = self._reader, self._link.peer, self._handler, self._source
-        if handler is not None and self._is_plain and peer is not None and peer == address and source is not None:
-            plain = reader.plain(data, source)
-            if plain >= 0:  # nearly always
-                if plain >> 8 in handler.used_ids:
-                    self._on_used(plain, data, address, handler, now_s, utc_now_s)
-                    return
-                self._peer_received_s = now_s
-                try:
-                    handler.on_unused(plain >> 8, plain & 0xFF, address, now_s)
+        reader, peer, handler = self._reader, self._link.peer, self._handler
+        if handler is not None and self._is_plain and peer is not None and peer == address:
+            if handler.decoded_ids is not self._routed_ids:
+                self._routes, self._routed_ids = {}, handler.decoded_ids
+            route = self._routes.get(data[5:10]) or self._new_route(data)
+            if route is not None and reader.is_plain(data, route[1]):  # nearly always
+                message_id, _, kind, system_id, component_id = route
+                sequence, self._peer_received_s = data[4], now_s
+                try:  # as `_on_frame`
+                    if kind is None:
+                        handler.on_unused(message_id, sequence, address, now_s, False)
+                    else:
+                        message = kind.read(data[10:-2], (message_id, sequence, system_id, component_id))
+                        handler.on_message(message_id, sequence, message, address, now_s, utc_now_s, False)
                 except Exception:  # noqa: BLE001 - as in `_on_frames`
-                    self._log_defect(plain >> 8)
+                    self._log_defect(message_id)
                 return
         self._utc_offset_s = utc_now_s - now_s
         reader.refill(now_s)
@@ -160,19 +178,15 @@ class Receiver:
         """Drops the incomplete frame of the old connection, which the new one does not continue."""
         self._reader.forget()
 
-    def _on_used(
-        self, plain: int, data: bytes, address: Address, handler: MessageHandler, now_s: float, utc_now_s: float
-    ) -> None:
-        """Takes a plain frame of the selected autopilot, as `_on_frames` would."""
-        message_id = plain >> 8
-        try:
-            ids = message_id, data[5], data[6], plain & 0xFF, False
-            frame = tuple.__new__(MavlinkFrame, (*ids, data, data[10:-2]))  # as `MavlinkFrame` does, one call less
-            message = self._codec.decode(frame) if message_id in handler.decoded_ids else None
-            self._peer_received_s = now_s
-            handler.on_message(frame, message, address, now_s, utc_now_s)
-        except Exception:  # noqa: BLE001 - as in `_on_frames`
-            self._log_defect(message_id)
+    def _new_route(self, data: bytes) -> _Route | None:
+        """Returns how the selected autopilot's frames of the message of this one are taken; None for other frames."""
+        message_id, source = int.from_bytes(data[7:10], "little"), self._source
+        seed = checksum.seed_of(message_id)
+        if len(data) < HEADER_BYTES or source is None or data[5:7] != bytes(source) or seed is None:
+            return None
+        kind = mavlink.mavlink_map.get(message_id) if message_id in self._routed_ids else None
+        route = self._routes[data[5:10]] = (message_id, seed, kind, *source)
+        return route
 
     def _on_frames(
         self,
@@ -212,11 +226,15 @@ class Receiver:
                 return
             if not is_from_peer and self._is_stranger(frame, address, now_s):
                 return
-        message = self._codec.decode(frame) if frame.message_id in handler.decoded_ids else None
+        message_id, _, _, sequence, is_signed, _, _ = frame
+        message = self._codec.decode(frame) if message_id in handler.decoded_ids else None
         if not is_from_peer:
             self._link.answer_to(address)
         self._peer_received_s = now_s
-        handler.on_message(frame, message, address, now_s, utc_now_s)
+        if message is None:
+            handler.on_unused(message_id, sequence, address, now_s, is_signed)
+        else:
+            handler.on_message(message_id, sequence, message, address, now_s, utc_now_s, is_signed)
 
     def _on_other(
         self, frame: MavlinkFrame, address: Address | None, now_s: float, utc_now_s: float
@@ -264,7 +282,7 @@ class Receiver:
             return None
         handler = self._selector.on_heartbeat(source, heartbeat, address, now_s)
         if handler is not None:
-            self._handler, self._source = handler, source
+            self._handler, self._source, self._routes = handler, source, {}
             self.untaken.forget(source)
         return handler
 

@@ -5,12 +5,14 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from tests.ual_daemon.backends.mavlink.fakes import BOOT_MS, Harness, ack, attitude, heartbeat, position
 from tests.ual_daemon.backends.mavlink.traces import load
-from ual_daemon.backends.firmwares.px4_events import event_id
+from ual_daemon.backends.firmwares.px4_events import Event, event_id
 from ual_daemon.backends.mavlink.dialects.px4 import Px4
 from ual_daemon.backends.mavlink.wire import checksum
 from ual_daemon.backends.mavlink.wire.frames import MavlinkFrame, split
-from ual_daemon.backends.mavlink.wire.messages import EVENT_ID
+from ual_daemon.backends.mavlink.wire.messages import Codec
+from ual_daemon.backends.mavlink.wire.messages import mavlink as ours
 
+EVENT_ID = ours.MAVLINK_MSG_ID_EVENT
 LOITER, LOITER_NAME = 4 << 16 | 3 << 24, "AUTO.LOITER"
 ERROR, INFO = 0x33, 0x66
 ARM, CHECK = mavlink.MAV_CMD_COMPONENT_ARM_DISARM, mavlink.MAV_CMD_RUN_PREARM_CHECKS
@@ -37,6 +39,11 @@ def frame(data: bytes) -> MavlinkFrame:
     return found
 
 
+def read(data: bytes, mode: str) -> Event:
+    """What the frame of an event says, in a mode."""
+    return Px4().event(Codec(1).decode(frame(data)), mode)
+
+
 def test_ids_are_those_that_a_real_px4_sends() -> None:
     # of the recorded flights: the pilot arms, and PX4 disarms after the landing
     assert event_id("commander_armed_by") == 0x0190CAF3
@@ -44,7 +51,7 @@ def test_ids_are_those_that_a_real_px4_sends() -> None:
 
 
 def test_words_of_a_denial_are_those_of_its_name() -> None:
-    found = Px4().event(frame(event("commander_arm_denied_resolve_failures")), LOITER_NAME)
+    found = read(event("commander_arm_denied_resolve_failures"), LOITER_NAME)
     assert found.text == "arm denied resolve failures"
     assert found.armed is None
 
@@ -70,13 +77,13 @@ def test_an_event_that_px4_sends_again_for_somebody_else_is_no_news(boot_ms: int
     ],
 )
 def test_a_failed_check_is_reported_where_it_concerns_the_mode(modes: int, mode: str, is_told: bool) -> None:
-    found = Px4().event(frame(event("check_modes_manual_control", modes=modes)), mode)
+    found = read(event("check_modes_manual_control", modes=modes), mode)
     assert found.text == ("check modes manual control" if is_told else "")
 
 
 def test_what_is_not_known_or_no_trouble_has_no_words() -> None:
-    assert Px4().event(frame(event("some_event_of_a_later_px4")), LOITER_NAME).text == ""
-    assert Px4().event(frame(event("check_battery_low", levels=INFO, modes=MODES_ALL)), LOITER_NAME).text == ""
+    assert read(event("some_event_of_a_later_px4"), LOITER_NAME).text == ""
+    assert read(event("check_battery_low", levels=INFO, modes=MODES_ALL), LOITER_NAME).text == ""
 
 
 def test_arming_and_disarming_are_known_with_the_event_before_the_heartbeat() -> None:
@@ -114,7 +121,7 @@ def test_the_events_of_a_recorded_flight_say_when_it_was_armed_and_disarmed(name
     events = [
         (time_s, found.armed)
         for time_s, data in trace.frames
-        if (each := frame(data)).message_id == EVENT_ID and (found := Px4().event(each, "")).armed is not None
+        if frame(data).message_id == EVENT_ID and (found := read(data, "")).armed is not None
     ]
     assert [armed for _, armed in events] == [True, False]
     assert events[0][0] == pytest.approx(trace.time_s("pilot_arms"), abs=0.3)
@@ -122,8 +129,7 @@ def test_the_events_of_a_recorded_flight_say_when_it_was_armed_and_disarmed(name
 
 
 def test_the_mode_that_came_with_the_event_of_an_arming_may_be_the_one_before() -> None:
-    """A busy computer reads both at the same moment. The mode that the arming has entered comes up to a second later.
-    """
+    """A busy computer reads both at the same moment. The mode that the arming has entered comes a second later."""
     harness = Harness()
     landed = mavlink.MAVLink_extended_sys_state_message(0, mavlink.MAV_LANDED_STATE_ON_GROUND)
     harness.receive(heartbeat(6 << 16), attitude(), landed, data=event("commander_armed_by"))
@@ -149,9 +155,9 @@ CRITICAL, WARNING = 0x42, 0x44
     ],
 )
 def test_a_severe_event_is_reported_unless_it_is_a_check(name: str, levels: int, text: str) -> None:
-    assert Px4().event(frame(event(name, levels=levels)), LOITER_NAME).severe_text == text
+    assert read(event(name, levels=levels), LOITER_NAME).severe_text == text
 
 
 def test_a_severe_event_without_a_name_is_reported_by_its_number() -> None:
-    found = Px4().event(frame(event("no_name_of_ours", levels=CRITICAL)), LOITER_NAME)
+    found = read(event("no_name_of_ours", levels=CRITICAL), LOITER_NAME)
     assert found.severe_text == f"event {event_id('no_name_of_ours')}, of which UAL knows no name"

@@ -17,8 +17,6 @@ from tests.ual_daemon.backends.mavlink.fakes import (
 from ual.geometry import Vector3
 from ual.types import Battery, GpsFix, State
 from ual_daemon.backends.mavlink.backend import MavlinkBackend
-from ual_daemon.backends.mavlink.links import Address
-from ual_daemon.backends.mavlink.wire.frames import MavlinkFrame
 from ual_daemon.backends.mavlink.wire.messages import Message
 from ual_daemon.backends.values import Control, LandedState
 from ual_daemon.flight.state import estimate
@@ -164,10 +162,10 @@ def test_a_message_that_makes_us_fail_costs_no_other(
     harness.receive(heartbeat())
     on_message = harness.session.on_message
 
-    def failing(frame: MavlinkFrame, message: Message, address: Address, now_s: float, utc_now_s: float) -> None:
+    def failing(message_id: int, sequence: int, message: Message, *rest: Any) -> None:
         if message.get_type() == "ATTITUDE_QUATERNION":
             raise ZeroDivisionError
-        on_message(frame, message, address, now_s, utc_now_s)
+        on_message(message_id, sequence, message, *rest)
 
     monkeypatch.setattr(harness.session, "on_message", failing)
     harness.receive(data=harness.pack(attitude()) + harness.pack(heartbeat(armed=True)))
