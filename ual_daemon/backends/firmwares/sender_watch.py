@@ -122,7 +122,8 @@ class SenderWatch:
     def _note_received(self, time_s: float) -> None:
         if math.isfinite(self._received_s) and time_s - self._received_s > AUTOPILOT_SILENCE_S:
             self._back_s = time_s
-        self._received_s = max(self._received_s, time_s)
+        if time_s > self._received_s:
+            self._received_s = time_s
 
     def _find(self, what: str, now_s: float) -> None:
         self._found, self._found_s = _SILENT.format(what), now_s
@@ -185,8 +186,10 @@ def _explains(sent: Sent, target: _ReportedTarget) -> bool:
     x, y, z = other.x - own.x, other.y - own.y, other.z - own.z
     speed2 = v.x * v.x + v.y * v.y + v.z * v.z
     if speed2 > 0.0:
-        ahead_s = max(0.0, min(EXTRAPOLATION_S, (x * v.x + y * v.y + z * v.z) / speed2))
-        x, y, z = x - v.x * ahead_s, y - v.y * ahead_s, z - v.z * ahead_s
+        ahead_s = (x * v.x + y * v.y + z * v.z) / speed2
+        if ahead_s > 0.0:  # no `min` and `max`, which would take as long as the rest
+            ahead_s = ahead_s if ahead_s < EXTRAPOLATION_S else EXTRAPOLATION_S
+            x, y, z = x - v.x * ahead_s, y - v.y * ahead_s, z - v.z * ahead_s
     return math.hypot(x, y, z) <= STRANGE_M
 
 

@@ -103,7 +103,7 @@ class LinkConnection(MessageTransport):
         if wanted != self._registered:
             self._register(wanted)
         is_ready = False
-        for descriptor, _ in self._poll.poll(max(0.0, timeout_s) * 1000.0):
+        for descriptor, _ in self._poll.poll(timeout_s * 1000.0 if timeout_s > 0.0 else 0):
             if descriptor == self._woken_descriptor:
                 self._woken.recv(4096)
             else:

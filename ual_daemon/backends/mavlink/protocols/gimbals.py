@@ -265,10 +265,13 @@ class GimbalProtocol(Protocol):
             return
         if target is None:
             return
-        questions = self._questions.setdefault(component_id, _GimbalQuestions(0, now_s + FIRST_REQUEST_S))
+        questions = self._questions.get(component_id)
+        if questions is None:
+            questions = self._questions[component_id] = _GimbalQuestions(0, now_s + FIRST_REQUEST_S)
         most_count = AUTOPILOT_ASKS_COUNT if component_id == target.component_id else ASKS_COUNT
-        may_ask = is_manager or self._may_ask(component_id)
-        if now_s < questions.next_s or questions.asks_count >= most_count or not may_ask:
+        if now_s < questions.next_s or questions.asks_count >= most_count:
+            return
+        if not (is_manager or self._may_ask(component_id)):
             return
         self._questions[component_id] = _GimbalQuestions(questions.asks_count + 1, now_s + ASK_S)
         self._request(MessageSource(target.system_id, component_id), request_message(_INFORMATION), now_s)

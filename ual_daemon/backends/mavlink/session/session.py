@@ -638,10 +638,10 @@ class MavlinkSession:
 
     def _fit_rates(self, now_s: float) -> None:
         """Asks for less where the link carries less than the autopilot sends; see `RateFit`."""
-        fit, before_hz = self._fit, self._position_rate_hz
+        fit = self._fit
         if not fit.is_due(now_s):
             return
-        loss, is_armed = self._supervision.loss(now_s), bool(self.telemetry.is_armed)
+        before_hz, loss, is_armed = self._position_rate_hz, self._supervision.loss(now_s), bool(self.telemetry.is_armed)
         if fit.update(now_s, loss, is_armed=is_armed, has_unused=bool(self._unused_ids)):
             streams = self._streams()
             self._commands.drop_requests(lambda request: request.id == mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, now_s)
