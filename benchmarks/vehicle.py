@@ -29,7 +29,8 @@ from pymavlink.dialects.v20 import all as mavlink
 from benchmarks import marks
 
 _TRACES = Path(__file__).parents[1] / "tests" / "data"
-_HEADER_SIZE = 10
+_HEADER_SIZE, _SEQUENCE_AT, _SYSTEM_AT = 10, 4, 5
+_SYSTEM_ID = 1
 _SETPOINT_ID = mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED
 _FLOAT = struct.Struct("<f")
 _NORTH_SPEED_AT, _YAW_RATE_AT = _HEADER_SIZE + 16, _HEADER_SIZE + 44
@@ -69,8 +70,10 @@ class MinimalVehicle:
         self._socket.bind(("127.0.0.1", 0))
         self._socket.setblocking(False)
         self._peer: tuple[str, int] | None = None
-        self._mavlink = mavlink.MAVLink(None, srcSystem=1, srcComponent=mavlink.MAV_COMP_ID_AUTOPILOT1)
+        self._mavlink = mavlink.MAVLink(None, srcSystem=_SYSTEM_ID, srcComponent=mavlink.MAV_COMP_ID_AUTOPILOT1)
         self._mavlink.robust_parsing = True
+        self._is_numbered = True
+        """Whether each message that is sent has the next number."""
         self._began_s = time.monotonic()
         self._due: list[tuple[float, str]] = []
         self._rates_hz = _RATES_HZ
@@ -124,6 +127,7 @@ class MinimalVehicle:
     def _fly(self, port: int, rate_factor: float = 1.0, *, has_fence: bool = False) -> dict[str, Any]:
         """Streams to a port, `rate_factor` times as fast as PX4."""
         self._rest()
+        self._mavlink.srcSystem, self._is_numbered = _SYSTEM_ID, True
         self._set_fence(has_fence=has_fence)
         self._rates_hz = {name: rate_hz * rate_factor for name, rate_hz in _RATES_HZ.items()}
         self._peer = ("127.0.0.1", port)
@@ -180,7 +184,7 @@ class MinimalVehicle:
                 heapq.heapreplace(self._due, (due_s + 1.0 / self._rates_hz[name], name))
                 self._send_position() if name == "position" else self._send(self._streams[name]())
             elif self._recorded and self._recorded[-1][0] <= now_s:
-                self.send_bytes(self._recorded.pop()[1])
+                self.send_recorded(self._recorded.pop()[1])
             else:
                 next_s = [*(due_s for due_s, _ in self._due[:1]), *(due_s for due_s, _ in self._recorded[-1:])]
                 return min(next_s, default=now_s + 1.0) - now_s
@@ -204,7 +208,7 @@ class MinimalVehicle:
 
     def _pack(self, message: Any) -> bytes:  # noqa: ANN401 (pymavlink has no types)
         data: bytes = message.pack(self._mavlink)
-        self._mavlink.seq = (self._mavlink.seq + 1) % 256
+        self._mavlink.seq = (self._mavlink.seq + self._is_numbered) % 256
         return data
 
     def send_bytes(self, data: bytes) -> None:
@@ -214,6 +218,13 @@ class MinimalVehicle:
                 self._socket.sendto(data, self._peer)
             except ConnectionRefusedError:
                 return  # nobody there yet
+
+    def send_recorded(self, frame: bytes) -> None:
+        """Sends a frame of a recorded autopilot. Until the next one all answers are of that system, and have the
+        number of this frame: others would be another vehicle's, or make the next frames late.
+        """
+        self._mavlink.seq, self._mavlink.srcSystem, self._is_numbered = frame[_SEQUENCE_AT], frame[_SYSTEM_AT], False
+        self.send_bytes(frame)
 
     def _boot_ms(self) -> int:
         return int((time.monotonic() - self._began_s) * 1000.0) + 1000

@@ -104,8 +104,9 @@ class ReplayedFlight:
         time_s, burst = self._bursts[self._at]
         self._at += 1
         self._backend.clock.time_s = _BEGIN_S + time_s + 0.01
+        send = self._vehicle.send_recorded if answers else self._vehicle.send_bytes
         for frame in burst:
-            self._vehicle.send_bytes(frame)
+            send(frame)
         self._backend.turn()
         if answers:
             self._vehicle.receive()

@@ -116,9 +116,9 @@ class Receiver:
         self._handler: MessageHandler | None = None
         self._reader = FrameReader()
         self._routes: dict[bytes, _Route] = {}
-        """Those of the selected autopilot's messages, by the part of a frame's header with its sender and the id."""
+        """Routes of the selected autopilot's messages, by the sender and the id in a frame's header."""
         self._routed_ids: AbstractSet[int] = frozenset()
-        """The decoded ids by which they were made."""
+        """Decoded ids by which the routes were made."""
         self._peer_received_s = -math.inf
         self._utc_offset_s = 0.0
         self._logged: set[str] = set()
