@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from geographiclib.geodesic import Geodesic
 from typing_extensions import override
 
-from ual.geometry import Vector3
+from ual.geometry import Vector3, vector3
 from ual.types import GeoPoint
 
 _WGS84 = Geodesic.WGS84
@@ -128,12 +128,14 @@ class SphereProjection(Projection):
     def to_local(self, latitude_deg: float, longitude_deg: float, altitude_amsl_m: float) -> Vector3:
         lat0, lat = math.radians(self.latitude_deg), math.radians(latitude_deg)
         d_lon = math.radians(longitude_deg - self.longitude_deg)
-        cos_c = math.sin(lat0) * math.sin(lat) + math.cos(lat0) * math.cos(lat) * math.cos(d_lon)
-        c = math.acos(max(-1.0, min(1.0, cos_c)))
+        sin_lat0, cos_lat0, sin_lat, cos_lat = math.sin(lat0), math.cos(lat0), math.sin(lat), math.cos(lat)
+        cos_lon = math.cos(d_lon)
+        cos_c = sin_lat0 * sin_lat + cos_lat0 * cos_lat * cos_lon
+        c = math.acos(cos_c if -1.0 <= cos_c <= 1.0 else math.copysign(1.0, cos_c))  # rounding may lead beyond 1
         k = c / math.sin(c) if c > 0.0 else 1.0
-        north = k * (math.cos(lat0) * math.sin(lat) - math.sin(lat0) * math.cos(lat) * math.cos(d_lon))
-        east = k * math.cos(lat) * math.sin(d_lon)
-        return Vector3(east * self.RADIUS_M, north * self.RADIUS_M, altitude_amsl_m - self.altitude_amsl_m)
+        north = k * (cos_lat0 * sin_lat - sin_lat0 * cos_lat * cos_lon)
+        east = k * cos_lat * math.sin(d_lon)
+        return vector3(east * self.RADIUS_M, north * self.RADIUS_M, altitude_amsl_m - self.altitude_amsl_m)
 
     @override
     def to_geo(self, position: Vector3) -> GeoPoint:

@@ -105,6 +105,21 @@ def test_the_sphere_agrees_with_px4(
     assert (found.y, found.x) == pytest.approx((north_m, east_m), rel=1e-7)  # PX4 answers in single precision
 
 
+@given(ORIGINS, st.floats(-90.0, 90.0), st.floats(-180.0, 180.0))
+def test_the_sphere_is_px4s_formula_to_the_last_bit(
+    origin: tuple[float, float, float], latitude_deg: float, longitude_deg: float
+) -> None:
+    lat0, lat = math.radians(origin[0]), math.radians(latitude_deg)
+    d_lon = math.radians(longitude_deg - origin[1])
+    cos_c = math.sin(lat0) * math.sin(lat) + math.cos(lat0) * math.cos(lat) * math.cos(d_lon)
+    c = math.acos(max(-1.0, min(1.0, cos_c)))
+    k = c / math.sin(c) if c > 0.0 else 1.0
+    north = k * (math.cos(lat0) * math.sin(lat) - math.sin(lat0) * math.cos(lat) * math.cos(d_lon))
+    east = k * math.cos(lat) * math.sin(d_lon)
+    found = SphereProjection(*origin).to_local(latitude_deg, longitude_deg, 7.0)
+    assert found == Vector3(east * SphereProjection.RADIUS_M, north * SphereProjection.RADIUS_M, 7.0 - origin[2])
+
+
 @given(st.floats(-80.0, 80.0), st.floats(-180.0, 180.0), st.builds(Vector3, numbers(1000.0), numbers(1000.0)))
 def test_sphere_and_ellipsoid_differ_by_less_than_one_percent(
     latitude: float, longitude: float, offset: Vector3
