@@ -188,7 +188,7 @@ def _explains(sent: Sent, target: _ReportedTarget) -> bool:
     if speed2 > 0.0:
         ahead_s = (x * v.x + y * v.y + z * v.z) / speed2
         if ahead_s > 0.0:  # no `min` and `max`, which would take as long as the rest
-            ahead_s = ahead_s if ahead_s < EXTRAPOLATION_S else EXTRAPOLATION_S
+            ahead_s = ahead_s if ahead_s < EXTRAPOLATION_S else EXTRAPOLATION_S  # noqa: FURB136
             x, y, z = x - v.x * ahead_s, y - v.y * ahead_s, z - v.z * ahead_s
     return math.hypot(x, y, z) <= STRANGE_M
 
