@@ -141,6 +141,8 @@ def begins(call: Called) -> bool:
         return True
     if call.outcome in ("LINK_LOST", "UNAVAILABLE"):
         return call.ended_s - call.began_s > 0.05
+    if call.outcome == "DAEMON_UNREACHABLE" and "no UAL daemon" in call.text:
+        return False  # no daemon listened yet
     if call.outcome == "GEOFENCE" and "this has changed in flight" in call.text:
         return True  # it was accepted before the fence came
     return call.outcome not in REFUSED

@@ -289,6 +289,16 @@ def test_a_take_off_that_a_new_fence_ended_had_been_asked_for() -> None:
     assert "unasked" not in rules(record)
 
 
+def test_a_call_that_no_daemon_has_heard_asks_for_nothing() -> None:
+    """Campaign, 1730000000001: the new daemon took 12 s to start, and had not been commanded."""
+    record = clean()
+    unheard = dataclasses.replace(record.called[0], outcome="DAEMON_UNREACHABLE", text="no UAL daemon of uav_1 answers")
+    record.called[0] = unheard
+    assert "unasked" in rules(record)
+    record.called[0] = dataclasses.replace(unheard, text="the connection to the UAL daemon was lost")
+    assert "unasked" not in rules(record)
+
+
 def test_a_service_goes_on_while_it_is_disarmed_but_moves_nothing() -> None:
     """Campaign, 1720000000053: it was disarmed while a fence was uploaded."""
     record = clean()
