@@ -19,7 +19,7 @@ from ual_daemon.flight.policy.following import Following
 
 @dataclass
 class Fallen:
-    """What a watch says of a UAV that has fallen."""
+    """Words of a watch about a UAV that has fallen."""
 
     why: str = "it falls"
     has_hit: bool = False
