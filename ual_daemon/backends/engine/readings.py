@@ -23,8 +23,8 @@ wrong.
 def ahead_s(now_s: float) -> float:
     """Returns the time of what an autopilot reports by itself, ahead of the message with the rest that changed with it.
 
-    It counts as later than what was received at the same moment: PX4's event of the arming comes before the mode that
-    the arming entered, and a busy computer reads it together with the mode of before.
+    It counts as later than what was received at the same moment. PX4's event of the arming comes before the mode that
+    the arming has entered; a busy computer reads it together with the mode of before.
     """
     return math.nextafter(now_s, math.inf)
 
