@@ -118,6 +118,21 @@ def test_two_aborts_in_its_take_off_are_accepted(flight: Flight, uav: UAL) -> No
     flight.wait_for_state(State.FLYING_AUTO)
 
 
+@pytest.mark.parametrize("after_s", [0.0, 0.1, 0.2, 0.5])
+def test_one_that_starts_just_after_a_jump_to_the_last_item_is_flown(flight: Flight, uav: UAL, after_s: float) -> None:
+    """A PX4 that hovers there may end the mission at once, and hold by itself."""
+    flight.take_off()
+    uav.mission.upload([*waypoints(flight, 0.5, 0)])
+    uav.mission.start()
+    flight.wait_for(lambda: uav.mission.progress().stage is MissionStage.ACTIVE, "its mission")
+    jump = Doing()
+    jump.begin(lambda: uav.mission.jump_to(2))
+    threading.Event().wait(after_s)  # what is tested is this time after the jump
+    task = uav.task(uav.mission.start().id)
+    jump.join()
+    task.wait(PATIENCE_S)
+
+
 def test_a_battery_failsafe_is_named_while_nothing_is_commanded(
     flight: Flight, uav: UAL, simulator: Simulator, pilot: Transmitter
 ) -> None:
