@@ -530,14 +530,22 @@ class AutopilotMission(Manoeuvre):
         """Returns whether it has entered the mode in which it holds after a mission, and may still tell its end."""
         is_done = _mode(snapshot) == self._offer.done_mode != self._offer.mode
         is_done = is_done and not _is_by_others(snapshot)
-        jump = self._jump
-        is_jumping = jump is not None and not jump[1].done()  # it may be reported after its effect
-        item = max(self._item, jump[0]) if jump is not None and is_jumping else self._item
+        item = max(self._item, self._unreported_jump())
         if not is_done or item < self._last_moving or self._ends_by(Land, ReturnToLaunch):
             self._done_s = None
             return False
         self._done_s = snapshot.time_s if self._done_s is None else self._done_s
         return snapshot.time_s - self._done_s < _MISSION_END_DELAY_S
+
+    def _unreported_jump(self) -> int:
+        """Returns the item to which UAL jumps, which may be reported after its effect; 0 where there is none. A jump
+        that was withdrawn with its mission may have left before.
+        """
+        if self._jump is None:
+            return 0
+        item, future = self._jump
+        is_open = not future.done() or isinstance(_error_of(future), TaskAbortedError)
+        return item if is_open else 0
 
     @property
     def _last_moving(self) -> int:
@@ -656,6 +664,11 @@ class AutopilotMission(Manoeuvre):
     def _result(self) -> Any:  # noqa: ANN401  of what the phase waits for
         assert self._waited is not None
         return _result_of(self._waited)
+
+
+def _error_of(ended: Future[None]) -> BaseException | None:
+    """Returns the error with which a future has ended; None where it was cancelled, or has succeeded."""
+    return None if ended.cancelled() else ended.exception()
 
 
 def _result_of(waited: Future[Any]) -> Any:  # noqa: ANN401  of whatever is waited for, or its error

@@ -306,6 +306,30 @@ def test_a_hold_before_a_jump_of_ours_to_the_last_item_is_reported_may_be_its_en
         lab.run()
 
 
+def test_one_that_replaces_another_goes_on_where_its_jump_to_the_last_item_has_ended_that(lab: Lab) -> None:
+    """The jump was withdrawn with its mission after it had left, and the hold counted as no end of that."""
+    lab.kept = KeptMission((*KEPT.items, Waypoint(47.1, 8.0, 5.0)), "1", 5)
+    first = lab.mission = lab.make()
+    lab.fly()
+    lab.offer.told = MissionReport(MissionStage.ACTIVE, 1, None, lab.autopilot.time_s, 5)
+    lab.run()
+    jump = lab.offer.chosen = Future()
+    first.jump(2, lambda: None)
+    lab.offer.chosen = Future()
+    lab.task = lab.autopilot.task(TaskKind.MISSION)
+    lab.mission = lab.make()
+    lab.mission.replaces(first)
+    lab.run()
+    jump.set_exception(TaskAbortedError("mission: it has ended", {"by": "mission"}))
+    lab.autopilot.mode, lab.autopilot.held_by = lab.offer.done_mode, Cause.AUTOPILOT
+    lab.run()
+    lab.offer.told = MissionReport(MissionStage.COMPLETE, 2, None, lab.autopilot.time_s, 5)
+    lab.run()
+    lab.offer.chosen.set_result(None)
+    lab.run()
+    assert lab.offer.asked[-1] == "fly"
+
+
 def test_an_item_that_was_reached_in_a_flight_before_is_none_of_this_one(lab: Lab) -> None:
     """The holder was then reported as its end, and UAL took the control back from them."""
     lab.offer.told = MissionReport(MissionStage.ACTIVE, 1, 1, 0.0, 5, reached_s=0.0)
