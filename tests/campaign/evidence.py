@@ -27,7 +27,7 @@ ENTERS = frozenset({"recover", "land", "rtl", "take_off", "arm", "mission"})
 """Commands that may lead out of a mode in which setpoints are not followed."""
 SERVICES = frozenset({"upload", "parameters", "fence", "logs", "camera"})
 TRANSFERS = frozenset({"mission_count", "mission_item_int", "mission_clear_all", "param_set", "file_transfer_protocol"})
-"""What a service sends for itself, which moves nothing."""
+"""Messages of a service, which move nothing."""
 FLIES = ENTERS | SERVICES | {"go_to", "go_to_geo", "go_above_home", "path", "velocity", "pose", "abort", "disarm"}
 REFUSED = frozenset(
     {

@@ -279,7 +279,7 @@ def test_an_autopilots_fence_that_is_narrower_than_where_it_stands_lifts_it(mode
     assert "nothing flies" in rules(record)
 
 
-def test_a_take_off_that_a_new_fence_ended_had_been_asked_for() -> None:
+def test_a_take_off_that_a_new_fence_ended_was_commanded() -> None:
     """Campaign, 1720000000053: its fence became 2 m wide 5.7 m from home, just after the take-off was accepted."""
     record = clean()
     ended = dataclasses.replace(record.called[0], outcome="GEOFENCE", ended_s=3.2)
@@ -289,7 +289,7 @@ def test_a_take_off_that_a_new_fence_ended_had_been_asked_for() -> None:
     assert "unasked" not in rules(record)
 
 
-def test_a_call_that_no_daemon_has_heard_asks_for_nothing() -> None:
+def test_a_call_that_no_daemon_has_received_commands_nothing() -> None:
     """Campaign, 1730000000001: the new daemon took 12 s to start, and had not been commanded."""
     record = clean()
     unheard = dataclasses.replace(record.called[0], outcome="DAEMON_UNREACHABLE", text="no UAL daemon of uav_1 answers")

@@ -46,7 +46,7 @@ class Watch:
         self._mode = mode
         self._since_s: float | None = None
         self.lines: list[tuple[float, str]] = []
-        """When each mode was told, and when the computer did not run this process."""
+        """Times at which a mode was reported, and those at which the computer did not run this process."""
         self._told_mode = ""
 
     def note_starved(self, begun_s: float, ended_s: float) -> None:

@@ -119,7 +119,9 @@ def test_two_aborts_in_its_take_off_are_accepted(flight: Flight, uav: UAL) -> No
 
 
 @pytest.mark.parametrize("after_s", [0.0, 0.1, 0.2, 0.5])
-def test_one_that_starts_just_after_a_jump_to_the_last_item_is_flown(flight: Flight, uav: UAL, after_s: float) -> None:
+def test_one_that_starts_just_after_a_jump_to_the_last_item_is_executed(
+    flight: Flight, uav: UAL, after_s: float
+) -> None:
     """A PX4 that hovers there may end the mission at once, and hold by itself."""
     flight.take_off()
     uav.mission.upload([*waypoints(flight, 0.5, 0)])

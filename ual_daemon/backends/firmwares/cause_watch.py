@@ -355,8 +355,14 @@ class CauseWatch:
         if mode.name in self._autopilot.pilots_modes:
             return Cause.SAFETY_PILOT
         found = self._other_than_failsafe()
-        is_unreported = -math.inf < self._reported_s < self._since_s and now_s - self._since_s <= MISSION_REPORT_S
-        return Cause.OPEN if found is Cause.GROUND_STATION and self._may_be_done and is_unreported else found
+        if found is Cause.GROUND_STATION and self._may_be_done and self._awaits_report(now_s):
+            return Cause.OPEN
+        return found
+
+    def _awaits_report(self, now_s: float) -> bool:
+        """Returns whether reports of its mission come, and none has since the present mode."""
+        is_due = now_s <= self._since_s + MISSION_REPORT_S
+        return is_due and -math.inf < self._reported_s < self._since_s
 
     def _other_than_failsafe(self) -> Cause | None:
         is_switched = self._switched_s >= self._since_s - SIGN_LEAD_S

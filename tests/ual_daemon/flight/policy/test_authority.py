@@ -1,4 +1,4 @@
-"""What is said of a flight that UAL has begun and others have taken."""
+"""Words about a flight that UAL has begun and others have taken."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def authority(pilots: Autopilot) -> Authority:
     return authority
 
 
-def look(authority: Authority, pilots: Autopilot, state: State) -> None:
+def update(authority: Authority, pilots: Autopilot, state: State) -> None:
     pilots.time_s += 0.1
     authority.follow(state, pilots.snapshot())
     authority.observe(state, pilots.snapshot(), is_sending=False)
@@ -38,18 +38,18 @@ def test_what_comes_back_before_it_is_known_what_took_it_was_taken(
     authority: Authority, pilots: Autopilot, state: State
 ) -> None:
     """Campaign, 1710000000087: PX4 returned to OFFBOARD by itself, and the flight "has not been commanded"."""
-    look(authority, pilots, state)
+    update(authority, pilots, state)
     pilots.mode, pilots.control, pilots.held_by = "OFFBOARD", Control.REFERENCES, None
-    look(authority, pilots, State.FLYING_AUTO)
+    update(authority, pilots, State.FLYING_AUTO)
     assert not authority.is_ours
     assert authority.taken == "it is not known who flies it (mode POSCTL)"
 
 
 def test_what_took_it_is_named_once_it_is_known(authority: Authority, pilots: Autopilot) -> None:
-    look(authority, pilots, State.FLYING_MANUAL)
+    update(authority, pilots, State.FLYING_MANUAL)
     pilots.held_by = Cause.SAFETY_PILOT
-    look(authority, pilots, State.FLYING_MANUAL)
+    update(authority, pilots, State.FLYING_MANUAL)
     assert authority.taken == "the safety pilot took it (mode POSCTL)"
     pilots.held_by = None
-    look(authority, pilots, State.FLYING_MANUAL)
+    update(authority, pilots, State.FLYING_MANUAL)
     assert authority.taken == "the safety pilot took it (mode POSCTL)"

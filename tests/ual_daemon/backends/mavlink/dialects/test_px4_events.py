@@ -40,7 +40,7 @@ def frame(data: bytes) -> MavlinkFrame:
 
 
 def read(data: bytes, mode: str) -> Event:
-    """What the frame of an event says, in a mode."""
+    """Returns the event in a frame, as it is in a mode."""
     return Px4().event(Codec(1).decode(frame(data)), mode)
 
 

@@ -12,7 +12,7 @@ from ual_daemon.backends.mavlink.wire import dialect as mavlink
 STEPS_COUNT = 800
 
 
-class Heard(Fuzz):
+class Received(Fuzz):
     """Datagrams of any kind, by turns, and what their receiver makes of each."""
 
     def __init__(self, *, is_plain: bool) -> None:
@@ -52,7 +52,7 @@ class Heard(Fuzz):
 
 
 def test_a_plain_frame_is_taken_as_any_other() -> None:
-    quick, thorough = Heard(is_plain=True), Heard(is_plain=False)
+    quick, thorough = Received(is_plain=True), Received(is_plain=False)
     listened = mavlink.MAVLINK_MSG_ID_ODOMETRY, mavlink.MAVLINK_MSG_ID_HIGHRES_IMU
     ends: list[Callable[[], None]] = []
     routes_count = 0
