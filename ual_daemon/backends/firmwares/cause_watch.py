@@ -120,7 +120,7 @@ class CauseWatch:
         """Time of our last order about its mission."""
         self._ended_s = -math.inf
         """Time of the last report that its mission is complete. It is repeated as long as that is so."""
-        self._reported_s = -math.inf
+        self._progress_s = -math.inf
         """Time of the last report of its mission, complete or not; minus infinity where none comes."""
         self._is_report_wanted = False
         self._was_on_mission = False
@@ -154,7 +154,7 @@ class CauseWatch:
 
     def on_mission_report(self, now_s: float, *, is_complete: bool) -> None:
         """Takes a report of its mission."""
-        self._reported_s = now_s
+        self._progress_s = now_s
         if not is_complete:
             return
         self._ended_s = now_s
@@ -362,7 +362,7 @@ class CauseWatch:
     def _awaits_report(self, now_s: float) -> bool:
         """Returns whether reports of its mission come, and none has since the present mode."""
         is_due = now_s <= self._since_s + MISSION_REPORT_S
-        return is_due and -math.inf < self._reported_s < self._since_s
+        return is_due and -math.inf < self._progress_s < self._since_s
 
     def _other_than_failsafe(self) -> Cause | None:
         is_switched = self._switched_s >= self._since_s - SIGN_LEAD_S
