@@ -319,11 +319,15 @@ class CauseWatch:
         self._is_report_wanted = self._may_be_done
 
     @property
-    def _may_be_done(self) -> bool:
-        """Whether its mission may have ended just now: it is in the mode that follows one."""
+    def _is_in_done_mode(self) -> bool:
+        """Whether it is in the mode that follows its missions, and not in that of the missions themselves."""
         missions = self._autopilot.missions
-        is_done_mode = missions is not None and self._mode_name == missions.done_mode != missions.mode
-        return is_done_mode and self._was_on_mission
+        return missions is not None and self._mode_name == missions.done_mode != missions.mode
+
+    @property
+    def _may_be_done(self) -> bool:
+        """Whether its mission may have ended just now."""
+        return self._was_on_mission and self._is_in_done_mode
 
     @property
     def _is_unintended(self) -> bool | None:
@@ -382,11 +386,9 @@ class CauseWatch:
         """Returns whether it is in the mode that follows its missions: as one is complete, or just after an order of
         ours about one.
         """
-        missions = self._autopilot.missions
-        if missions is None or self._mode_name != missions.done_mode or missions.done_mode == missions.mode:
-            return False
         is_ordered = 0.0 <= self._since_s - self._ordered_s < OWN_EFFECT_S
-        return is_ordered or (self._was_on_mission and self._ended_s >= self._since_s - SIGN_LEAD_S)
+        is_complete = self._was_on_mission and self._ended_s >= self._since_s - SIGN_LEAD_S
+        return self._is_in_done_mode and (is_ordered or is_complete)
 
     def _failsafe_that_flies(self, mode: Mode, *, is_over: bool) -> Cause | None:
         """Returns the failsafe by which the present mode came; None if there is no sign of one (yet)."""

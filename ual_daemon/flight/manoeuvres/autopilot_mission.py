@@ -544,7 +544,7 @@ class AutopilotMission(Manoeuvre):
         if self._jump is None:
             return 0
         item, future = self._jump
-        is_open = not future.done() or isinstance(_error_of(future), TaskAbortedError)
+        is_open = not future.done() or isinstance(_result_of(future), TaskAbortedError)
         return item if is_open else 0
 
     @property
@@ -664,11 +664,6 @@ class AutopilotMission(Manoeuvre):
     def _result(self) -> Any:  # noqa: ANN401  of what the phase waits for
         assert self._waited is not None
         return _result_of(self._waited)
-
-
-def _error_of(ended: Future[None]) -> BaseException | None:
-    """Returns the error with which a future has ended; None where it was cancelled, or has succeeded."""
-    return None if ended.cancelled() else ended.exception()
 
 
 def _result_of(waited: Future[Any]) -> Any:  # noqa: ANN401  of whatever is waited for, or its error

@@ -135,12 +135,12 @@ class Authority:
         `unknown` says it where the autopilot does not tell.
         """
         by, mode = snapshot.control.held_by, snapshot.control.mode
-        is_known = by is not None and by is not Cause.OPEN
-        if not self._has_flown or mode is None or (self.taken and not is_known):
+        known = None if by is Cause.OPEN else by
+        if not self._has_flown or mode is None or (self.taken and known is None):
             return
         if by is None and snapshot.control.is_of_command:
             unknown = "the autopilot follows a command of UAL from before"
-        self.taken = f"{_took(by) if by is not None and is_known else unknown} (mode {mode.value.text})"
+        self.taken = f"{unknown if known is None else _took(known)} (mode {mode.value.text})"
 
     def _follow_silence(self, snapshot: Snapshot) -> None:
         """Gives the flight up after a long silence."""
